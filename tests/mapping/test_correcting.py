@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FormatError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.samples import Samples
 from hypermap.core.semantic import SemanticObject
 from hypermap.core.trajectory import Trajectory, pose_from_rpy, trajectory_of
+from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map, save_map
 from hypermap.mapping import frame_log
 from hypermap.mapping.config import profile
@@ -39,6 +41,7 @@ from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.simulation import SimulatedRecording, demo_world
 from hypermap.simulation.levels import errors_of_level
+from hypermap.values import value_layer_of
 
 SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
 SOURCE = detections_from_recording()
@@ -214,6 +217,23 @@ def test_on_the_way_newer_frames_move_along_with_the_last_pose() -> None:
     assert off[2:-10].max() < 1e-6
     assert off.max() < 0.3  # the drift of ten frames
     assert mapper.correct(begun, is_under_way=True, least=0.02) is None
+
+
+def test_samples_move_along_and_their_layer_is_made_again() -> None:
+    stamps = truth().stamps
+    drifted_places = np.array([frame.map_T_camera[:2, 3] for frame in drifted()])
+    samples = Samples.of(drifted_places, stamps - stamps[0], stamps=stamps)
+    before = drifted_map()
+    layer = value_layer_of("warmth", samples, before.occupancy())
+    mapper = Mapper.onto(before.with_layers([*before, layer]), SOURCE)
+    mapper.correct(truth())
+    after = mapper.hypermap()["warmth"]
+    assert isinstance(after, ValueLayer)
+    assert after.samples is not None
+    kept = np.isin(stamps, after.samples.stamps)
+    expected = truth().positions[kept, :2]
+    assert kept.mean() > 0.9  # some may be off a map that moved
+    np.testing.assert_allclose(after.samples.points_xy, expected, atol=1e-6)
 
 
 def test_a_map_without_frames_is_not_corrected() -> None:

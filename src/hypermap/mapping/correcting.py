@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.floor_motions import FloorMotions
 from hypermap.mapping.frame_log import FrameLog, MapBefore, unpacked_frame
 from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.occupancy import OccupancyMapper
@@ -26,7 +28,7 @@ class CannotCorrect(HypermapError):
     """The poses of a map's frames cannot be replaced by others."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Correction:
     """What became of the poses.
 
@@ -35,21 +37,33 @@ class Correction:
         kept: how many stayed, as no new pose is known for their whole drive.
         mean: how far the moved ones moved over the floor, on average [m].
         most: at most [m].
+        motions: returns how the map near each of all frames moved.
     """
 
     frames: int
     kept: int
     mean: float
     most: float
+    motions: Callable[[], FloorMotions]
 
     @classmethod
-    def between(
-        cls, before: NDArray[np.float64], after: NDArray[np.float64], is_moved: NDArray[np.bool_]
+    def of(
+        cls,
+        log: FrameLog,
+        drives: Sequence[Drive],
+        after: NDArray[np.float64],
+        is_moved: NDArray[np.bool_],
+        is_under_way: bool,
     ) -> Correction:
-        """Return it from poses of all frames, shape (N, 4, 4) each, and which of them are new."""
+        """Return it from the frames as they are, their new poses, and which of them are new.
+
+        The arguments and the arrays are those of `corrected_poses`.
+        """
+        stamps, before = log.stamps, log.poses
         moves = np.linalg.norm((after - before)[is_moved, :2, 3], axis=1)
         count = int(is_moved.sum())
-        return cls(count, len(is_moved) - count, float(moves.mean()), float(moves.max()))
+        motions = partial(FloorMotions.between, stamps, before, after, drives, is_under_way)
+        return cls(count, len(is_moved) - count, float(moves.mean()), float(moves.max()), motions)
 
     def sentence(self) -> str:
         """Return it in words."""

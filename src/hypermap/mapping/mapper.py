@@ -45,6 +45,7 @@ from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
 from hypermap.mapping.pictures import keep_pictures
+from hypermap.mapping.sample_places import with_moved_samples
 from hypermap.mapping.usable import why_unusable
 from hypermap.perception.detections import Detections
 from hypermap.perception.embedders.embedder import Embedder
@@ -288,7 +289,8 @@ class Mapper:
         The map becomes that of the corrected poses, without the images: objects and their evidence
         move, appear and vanish, and so do the cells of an occupancy layer that was made from depth.
         Of the corrections, yaw and position count, roll and pitch do not. Objects keep their ids,
-        pictures and edits made by hand. Only the newest 1000 to 2000 frames can be corrected.
+        pictures and edits made by hand. Samples of other layers move along, and their fields are
+        made again. Only the newest 1000 to 2000 frames can be corrected.
 
         Args:
             trajectory: of the camera's optical frame in the map, over all frames of the drives that
@@ -307,7 +309,7 @@ class Mapper:
         """
         drives = self._drives()
         poses, is_moved = corrected_poses(self._log, drives, trajectory, is_under_way)
-        correction = Correction.between(self._log.poses, poses, is_moved)
+        correction = Correction.of(self._log, drives, poses, is_moved, is_under_way)
         if correction.most <= least:
             return None
         made = map_again(
@@ -315,6 +317,7 @@ class Mapper:
         )
         self.evidence, self._occupancy, self._log = made.evidence, made.occupancy, made.log
         self.keyframes.go_on_from(poses[-1])
+        self._base = with_moved_samples(self._base, correction.motions(), self.occupancy())
         self._is_corrected = True
         return correction
 

@@ -1,0 +1,82 @@
+"""How a map has moved over the floor, over time, when the poses of its frames were corrected."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.samples import Samples
+from hypermap.mapping.drives import Drive
+from hypermap.mapping.frame_log import floor_motion
+
+_BESIDE = 60.0  # seconds before the first and after the last frame of a drive that belong to it
+
+
+@dataclass(frozen=True, eq=False)
+class FloorMotions:
+    """How the map near the camera has moved over the floor, over time.
+
+    Attributes:
+        stamps: of the frames [s], increasing, shape (N,).
+        motions: what takes points from where they were to where they are, affine, (N, 2, 3).
+        drive_of: to which drive each frame belongs, shape (N,).
+        is_under_way: whether the last drive goes on: all later samples belong to it.
+    """
+
+    stamps: NDArray[np.float64]
+    motions: NDArray[np.float64]
+    drive_of: NDArray[np.int64]
+    is_under_way: bool = False
+
+    @classmethod
+    def between(
+        cls,
+        stamps: NDArray[np.float64],
+        before: NDArray[np.float64],
+        after: NDArray[np.float64],
+        drives: Sequence[Drive],
+        is_under_way: bool = False,
+    ) -> FloorMotions:
+        """Return the motions that a correction of poses was.
+
+        Args:
+            stamps: of the frames, at least one, shape (N,).
+            before: map_T_camera of each, shape (N, 4, 4).
+            after: likewise.
+            drives: of the frames.
+            is_under_way: see the class.
+        """
+        known, rows = np.unique(stamps, return_index=True)
+        motions = [floor_motion(before[row], after[row])[0].matrix()[:2] for row in rows]
+        drive_of = np.full(len(known), -1)
+        for number, drive in enumerate(drives):
+            drive_of[(known >= drive.first) & (known <= drive.last)] = number
+        return cls(known, np.array(motions), drive_of, is_under_way)
+
+    def moved(self, samples: Samples) -> Samples:
+        """Return samples at the places where they were taken, as far as the motions say.
+
+        Between two frames of a drive the motion is interpolated. Up to a minute before the first or
+        after the last it is theirs; other samples stay.
+        """
+        times = samples.stamps
+        after = np.clip(np.searchsorted(self.stamps, times), 0, len(self.stamps) - 1)
+        before = np.maximum(after - 1, 0)
+        gap = self.stamps[after] - self.stamps[before]
+        since, until = times - self.stamps[before], self.stamps[after] - times
+        share = np.clip(since / np.where(gap > 0, gap, 1.0), 0, 1)
+        is_within = (self.drive_of[before] == self.drive_of[after]) & (since >= 0) & (until >= 0)
+        nearest = np.where(np.abs(since) < np.abs(until), 0.0, 1.0)
+        distance = np.minimum(np.abs(since), np.abs(until))
+        share = np.where(is_within, share, nearest)
+        belongs = is_within | (distance <= _BESIDE)
+        if self.is_under_way:
+            belongs |= times >= self.stamps[-1]
+        points = np.column_stack([samples.points_xy, np.ones(len(times))])
+        ends = [np.einsum("nij,nj->ni", self.motions[at], points) for at in (before, after)]
+        moved = ends[0] + share[:, np.newaxis] * (ends[1] - ends[0])
+        places = np.where(belongs[:, np.newaxis], moved, samples.points_xy)
+        return replace(samples, points_xy=places)
