@@ -84,6 +84,8 @@ FOREIGN = {
     "vision_msgs/ObjectHypothesisWithPose": "fa1ab3bc7146f53921fa142d631d02db",
     "vision_msgs/Detection2D": "9e11092151fa150724a255fbac727f3b",
     "vision_msgs/Detection2DArray": "402071f61477de256df9f1aa45e6e4c8",
+    "grid_map_msgs/GridMapInfo": "43ee5430e1c253682111cb6bedac0ef9",
+    "grid_map_msgs/GridMap": "95681e052b1f73bf87b7eb984382b401",
     "map_msgs/OccupancyGridUpdate": "b295be292b335c34718bd939deebe1c9",
 }
 

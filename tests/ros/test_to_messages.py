@@ -25,6 +25,7 @@ from hypermap.core.value_layer import ValueLayer
 from hypermap.recordings.messages.header import nanoseconds
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.ros.messages.geometry_messages import numbers, outline, outlines
+from hypermap.ros.messages.grid_map_messages import grid_map
 from hypermap.ros.messages.replies import objects_reply
 from hypermap.ros.messages.to_messages import (
     hypermap_meta_data,
@@ -117,6 +118,36 @@ def test_a_quantity_that_is_the_same_or_unknown_all_over_has_a_grid(
     layer = ValueLayer("warmth", "map", GridGeometry(2, 1, 0.5), cells)
     got = types.sent(value_grid(layer, types, STAMP))
     assert np.asarray(got.data, np.int8).tolist() == data
+
+
+def test_a_grid_map_has_each_value_and_deviation_at_its_place(types: Any) -> None:
+    cells = np.array([[20.0, 22.5, math.nan], [30.0, 20.04, 25.0]], np.float32)
+    layer = ValueLayer(
+        "warmth", "map", GridGeometry(3, 2, 0.5, Pose2D(1, 2)), cells, deviations=cells / 10
+    )
+    got = types.sent(grid_map(layer, types, STAMP))
+    head = got.info.header if hasattr(got.info, "header") else got.header  # ROS 1, ROS 2
+    assert (head.frame_id, nanoseconds(head.stamp)) == ("map", STAMP)
+    assert (got.layers, got.basic_layers) == (["value", "deviation"], ["value"])
+    lengths, center = np.array([got.info.length_x, got.info.length_y]), got.info.pose.position
+    assert lengths.tolist() == [1.5, 1.0]
+    for sent, asked in zip(got.data, (layer.value_at, layer.deviation_at), strict=True):
+        outer, inner = sent.layout.dim
+        assert (outer.label, outer.stride, inner.label, inner.stride) == (
+            "column_index", 6, "row_index", 3,
+        )  # fmt: skip
+        matrix = np.reshape(sent.data, (outer.size, inner.size)).T  # as Eigen maps it
+        # GridMapMath.cpp: a cell's position falls with its index, from the largest x and y.
+        corner = np.array([center.x, center.y]) + lengths / 2 - got.info.resolution / 2
+        for index in np.ndindex(matrix.shape):
+            place = corner - got.info.resolution * np.array(index)
+            np.testing.assert_array_equal(np.float32(matrix[index]), asked([place])[0])
+
+
+def test_a_grid_map_without_cells_or_deviations_is_one_without_layers(types: Any) -> None:
+    assert types.sent(grid_map(ValueLayer("warmth", "map"), types, STAMP)).layers == []
+    layer = ValueLayer("warmth", "map", GridGeometry(2, 1, 0.5), [[7, 7]])
+    assert types.sent(grid_map(layer, types, STAMP)).layers == ["value"]
 
 
 # Objects

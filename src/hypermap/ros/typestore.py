@@ -21,10 +21,18 @@ from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.recordings.bag.definitions import DETECTION_TYPES
 from hypermap.ros.definitions import PACKAGE, package_folder
 
-# Source: common_interfaces and nav2_msgs of ROS 2 Jazzy; map_msgs 2.4.
+# Source: common_interfaces, nav2_msgs and grid_map_msgs of ROS 2 Jazzy; map_msgs 2.4.
 _MESSAGES = {
     "map_msgs/msg/OccupancyGridUpdate": (
         "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data"
+    ),
+    "grid_map_msgs/msg/GridMapInfo": (
+        "float64 resolution\nfloat64 length_x\nfloat64 length_y\ngeometry_msgs/Pose pose"
+    ),
+    "grid_map_msgs/msg/GridMap": (
+        "std_msgs/Header header\ngrid_map_msgs/GridMapInfo info\nstring[] layers\n"
+        "string[] basic_layers\nstd_msgs/Float32MultiArray[] data\n"
+        "uint16 outer_start_index\nuint16 inner_start_index"
     ),
     "nav2_msgs/msg/CostmapFilterInfo": (
         "std_msgs/Header header\nuint8 type\nstring filter_mask_topic\n"

@@ -1,7 +1,7 @@
 """Messages of other packages that a node can use where ROS 1 has not installed them.
 
-Source: darknet_ros_msgs 1.1.5, vision_msgs 0.0.2 and map_msgs 1.14 (ROS 1 Noetic);
-nav2_msgs 1.3 (ROS 2).
+Source: darknet_ros_msgs 1.1.5, vision_msgs 0.0.2, map_msgs 1.14 and grid_map_msgs 1.7.18 (ROS 1
+Noetic); nav2_msgs 1.3 (ROS 2).
 """
 
 from __future__ import annotations
@@ -33,6 +33,17 @@ _FOREIGN: Mapping[str, Mapping[str, str]] = {
     "map_msgs": {
         "OccupancyGridUpdate": (
             "Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data\n"
+        ),
+    },
+    "grid_map_msgs": {
+        "GridMapInfo": (
+            "std_msgs/Header header\nfloat64 resolution\nfloat64 length_x\nfloat64 length_y\n"
+            "geometry_msgs/Pose pose\n"
+        ),
+        "GridMap": (
+            "GridMapInfo info\nstring[] layers\nstring[] basic_layers\n"
+            "std_msgs/Float32MultiArray[] data\n"
+            "uint16 outer_start_index\nuint16 inner_start_index\n"
         ),
     },
     "nav2_msgs": {

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.value_layer import ValueLayer
+from hypermap.ros.messages.grid_map_messages import GRID_MAP, grid_map
 from hypermap.ros.messages.to_messages import (
     FLAGS,
     Types,
@@ -31,7 +33,7 @@ METADATA = "hypermap_metadata"
 
 
 @dataclass(frozen=True)
-class _Kind:
+class Kind:
     """A topic that every layer of a class has.
 
     Attributes:
@@ -39,23 +41,26 @@ class _Kind:
         global_name: the topic for layers with `publish_global_topics`; empty where there is none.
         type_name: type of its messages.
         make: makes a message of the layer.
+        is_optional: whether the topic is left out where its type is not installed.
     """
 
     suffix: str
     global_name: str
     type_name: str
     make: Callable[[Any, Types, int], Message]
+    is_optional: bool = False
 
 
-_KINDS: Mapping[type[Layer], tuple[_Kind, ...]] = {
+_KINDS: Mapping[type[Layer], tuple[Kind, ...]] = {
     OccupancyLayer: (
-        _Kind("map", "/map", "nav_msgs/OccupancyGrid", occupancy_grid),
-        _Kind("map_metadata", "/map_metadata", "nav_msgs/MapMetaData", map_meta_data),
+        Kind("map", "/map", "nav_msgs/OccupancyGrid", occupancy_grid),
+        Kind("map_metadata", "/map_metadata", "nav_msgs/MapMetaData", map_meta_data),
     ),
-    SemanticLayer: (_Kind("semmap", "/semantic_map", "hypermap_msgs/SemanticMap", semantic_map),),
+    SemanticLayer: (Kind("semmap", "/semantic_map", "hypermap_msgs/SemanticMap", semantic_map),),
     ValueLayer: (
-        _Kind("values", "", "nav_msgs/OccupancyGrid", value_grid),
-        _Kind("values_scale", "", "std_msgs/String", value_scale),
+        Kind("values", "", "nav_msgs/OccupancyGrid", value_grid),
+        Kind("values_scale", "", "std_msgs/String", value_scale),
+        Kind("grid_map", "", GRID_MAP, grid_map, is_optional=True),
     ),
 }
 
@@ -70,7 +75,7 @@ class LayerTopics:
     def __init__(self, port: Port) -> None:
         self._port = port
         self._open: KeptOpen[Publisher] = KeptOpen()
-        self._topics: dict[str, tuple[str, _Kind]] = {}  # with the layer's name
+        self._topics: dict[str, tuple[str, Kind]] = {}  # with the layer's name
         self._filled: frozenset[str] = frozenset()  # topics on which a layer was published
 
     def set(self, values: Mapping[str, Value]) -> None:
@@ -80,7 +85,7 @@ class LayerTopics:
         """Publish the layers that have changed; with a new map, all that there is to know."""
         stamp = self._port.now()
         if changed is None:
-            self._topics = _topics(hypermap, partial(self._port.log, "warning"))
+            self._topics = _topics(hypermap, self._port, partial(self._port.log, "warning"))
             self._open_topics()
             self._port.static_transforms(layer_transforms(hypermap, self._port, stamp))
         self._publish(hypermap, None if changed is None else list(changed), stamp)
@@ -119,6 +124,21 @@ class LayerTopics:
             self._filled |= {topic}
 
 
+def kinds_of(layer: type[Layer], types: Types) -> list[Kind]:
+    """Return the topics that every layer of a class has; none for a class without."""
+    found = next((kind for kind in _KINDS if issubclass(layer, kind)), None)
+    kinds = () if found is None else _KINDS[found]
+    return [kind for kind in kinds if not kind.is_optional or _is_there(kind.type_name, types)]
+
+
+def _is_there(type_name: str, types: Types) -> bool:
+    try:
+        types.message(type_name)
+    except HypermapError:
+        return False
+    return True
+
+
 def is_set(layer: Layer, flag: str) -> bool:
     """Return a flag of a layer's settings, as "subscribe_mode"."""
     return bool(layer.settings.get(flag, FLAGS[flag]))
@@ -155,10 +175,12 @@ def global_layers(
     return list(found.values())
 
 
-def _topics(hypermap: Hypermap, complain: Callable[[str], object]) -> dict[str, tuple[str, _Kind]]:
-    topics: dict[str, tuple[str, _Kind]] = {}
+def _topics(
+    hypermap: Hypermap, types: Types, complain: Callable[[str], object]
+) -> dict[str, tuple[str, Kind]]:
+    topics: dict[str, tuple[str, Kind]] = {}
     for layer in hypermap:
-        for kind in _kinds_of(layer):
+        for kind in kinds_of(type(layer), types):
             topic = topic_name(layer.name, kind.suffix)
             other, _ = topics.setdefault(topic, (layer.name, kind))
             if other != layer.name:
@@ -167,13 +189,10 @@ def _topics(hypermap: Hypermap, complain: Callable[[str], object]) -> dict[str, 
                     f"that of layer {other!r}: rename one of them"
                 )
     for layer in global_layers(hypermap, complain):
-        topics.update((kind.global_name, (layer.name, kind)) for kind in _kinds_of(layer))
+        topics.update(
+            (kind.global_name, (layer.name, kind)) for kind in kinds_of(type(layer), types)
+        )
     return topics
-
-
-def _kinds_of(layer: Layer) -> tuple[_Kind, ...]:
-    found = _class_of(layer)
-    return () if found is None else _KINDS[found]
 
 
 def _class_of(layer: Layer) -> type[Layer] | None:
