@@ -186,6 +186,13 @@ class Node:
     def get_fully_qualified_name(self) -> str:
         return f"{self._namespace.rstrip('/')}/{self._name}"
 
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        types = self.graph.topics().items()
+        return [(topic, [name]) for topic, name in types]
+
+    def resolve_topic_name(self, topic: str) -> str:
+        return self.resolved(topic)
+
     def get_clock(self) -> Clock:
         return self._clock
 

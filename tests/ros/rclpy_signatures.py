@@ -28,6 +28,8 @@ SIGNATURES = {
     ),
     "rclpy.node.Node.get_name": ("(self)", _NODE),
     "rclpy.node.Node.get_fully_qualified_name": ("(self)", _NODE),
+    "rclpy.node.Node.get_topic_names_and_types": ("(self, no_demangle=False)", _NODE),
+    "rclpy.node.Node.resolve_topic_name": ("(self, topic, *, only_expand=False)", _NODE),
     "rclpy.node.Node.get_clock": ("(self)", _NODE),
     "rclpy.node.Node.get_logger": ("(self)", _NODE),
     "rclpy.node.Node.create_publisher": (

@@ -78,6 +78,13 @@ def test_latched_topics_reach_those_that_come_later(graph: Graph, port: Any) -> 
     assert (made.qos.reliability, made.qos.depth) == (ReliabilityPolicy.RELIABLE, 1)
 
 
+def test_the_type_of_a_topic_is_known_once_someone_publishes_it(graph: Graph, port: Any) -> None:
+    assert port.topic_type("/warm") is None
+    with other_node(graph, "thermometer") as node:
+        node.create_publisher(port.message("sensor_msgs/Temperature"), "/warm", 1)
+        assert port.topic_type("/warm") == "sensor_msgs/Temperature"
+
+
 def test_our_latched_subscriptions_get_what_was_published_before(graph: Graph, port: Any) -> None:
     string, received = port.message("std_msgs/String"), []
     with other_node(graph) as node:

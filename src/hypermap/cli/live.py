@@ -117,6 +117,17 @@ def command(
             help=f"{OPTIONS['map_frame'].help.partition(':')[0]}.",
         ),
     ] = None,
+    value: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--value",
+            metavar="TOPIC[:FIELD][,KEY=TEXT]...",
+            show_default=False,
+            help="Make a layer of what this topic measures: such as /temperature, or "
+            "/wifi:rssi,unit=dBm. KEY as in `hypermap map`. May be repeated.",
+            rich_help_panel=_TOPICS,
+        ),
+    ] = None,
     onto: Onto = None,
     profile: Profile = None,
     config: Config = None,
@@ -160,7 +171,8 @@ def command(
     every --save-every seconds and at the end. The service save_map saves it at once. If the machine
     is too slow, frames are dropped, not queued. --onto continues a map of an earlier run,
     also after a crash; if it is the file of -o, it need not exist at the first start. --store also
-    writes objects and their evidence to a site of a shared store, each second. --param sets
+    writes objects and their evidence to a site of a shared store, each second. --value makes layers
+    of what other sensors measure, such as temperature or WiFi. --param sets
     parameters of the node. ROS arguments (NAME:=VALUE, --ros-args ...) are passed to ROS.
 
     Examples:
@@ -182,6 +194,7 @@ def command(
         "score": score,
         "detections_file": _absolute(detections),
         "map_frame": map_frame,
+        "values": value or None,
         "onto": _absolute(onto),
         "profile": None if profile is None else profile.value,
         "config": _absolute(config),

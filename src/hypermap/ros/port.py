@@ -93,6 +93,10 @@ class Port(Protocol):
         """Publish on a topic."""
         ...
 
+    def topic_type(self, topic: str) -> str | None:
+        """Return the type of a topic's messages, if the middleware knows it by now."""
+        ...
+
     def subscribe(
         self,
         topic: str,

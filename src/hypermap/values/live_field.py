@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 from threadpoolctl import threadpool_limits
 
+from hypermap.core.arrays import PointsLike, as_points_xy
 from hypermap.core.errors import HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
@@ -59,6 +60,16 @@ class LiveField:
         self.samples = samples
         self._start()
 
+    @property
+    def settings(self) -> FieldSettings:
+        """The settings of the field."""
+        return self._field.settings
+
+    def covers(self, point_xy: PointsLike) -> bool:
+        """Return whether a point is on the field's grid, so that a sample there can be added."""
+        grid = self._field.grid
+        return bool(grid.contains(*grid.cells_at(as_points_xy(point_xy)).T)[0])
+
     def add(
         self,
         point_xy: tuple[float, float],
@@ -80,8 +91,7 @@ class LiveField:
             ValueError: If a number is not finite.
         """
         sample = Samples.of([point_xy], [value], [is_below], [stamp])
-        grid = self._field.grid
-        if not grid.contains(*grid.cells_at(sample.points_xy).T)[0]:
+        if not self.covers(point_xy):
             x, y = point_xy
             raise HypermapError(f"({x:g}, {y:g}) is off the field's grid; make a field with it")
         with threadpool_limits(1, "blas"):

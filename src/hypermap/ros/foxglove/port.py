@@ -169,6 +169,10 @@ class FoxglovePort:
         self._listener.watch(channel.id(), publisher.count)
         return publisher
 
+    def topic_type(self, topic: str) -> str | None:  # noqa: ARG002 - clients say it as they come
+        """Return None: topics that clients publish have no type before they do."""
+        return None
+
     def subscribe(
         self,
         topic: str,

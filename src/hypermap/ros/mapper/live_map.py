@@ -25,7 +25,10 @@ from hypermap.perception.frame import Camera, DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.mapper.statistics import Fate
+from hypermap.values.growing import GrowingLayer
+from hypermap.values.on_map import known_layer, samples_of, with_value_layer
 
+_OWN_LAYERS = ("occupancy", "semantic")
 _DRIVE = "live"  # the name of what is mapped here
 
 
@@ -34,7 +37,8 @@ class LiveMap:
 
     Attributes:
         config: how mapping is done.
-        revision: grows with every change.
+        revision: grows with every change by frames.
+        values: the layers of what other sensors measure.
     """
 
     def __init__(self, settings: LiveSettings) -> None:
@@ -52,6 +56,8 @@ class LiveMap:
         self._makes_occupancy = settings.occupancy and not settings.map_topic
         self._given: OccupancyLayer | None = None
         self._lock = threading.Lock()
+        self.values: list[GrowingLayer] = []
+        self._onto = onto
         self._mapper = self._new_mapper() if onto is None else self._going_on(settings, onto)
 
     def warm_up(self) -> None:
@@ -93,6 +99,55 @@ class LiveMap:
                 return Fate.REPEATED, "", None
         return Fate.UNUSABLE, "it is too far away", None
 
+    def begin_values(self, name: str, quantity: str, unit: str) -> GrowingLayer:
+        """Return a new layer of measured values, which continues that of the map to go on with.
+
+        Args:
+            name: of the layer.
+            quantity: what is measured.
+            unit: of it; empty for that of the layer that is continued.
+
+        Raises:
+            HypermapError: If another layer has the name, or the one to continue is not made by
+                a random field, or has another unit.
+        """
+        if name in (*_OWN_LAYERS, *(layer.name for layer in self.values)):
+            raise HypermapError(f"there is a layer {name!r} already; name the quantity otherwise")
+        known = None if self._onto is None else known_layer(self._onto, name)
+        if known is None or known.samples is None or self._onto is None:
+            layer = GrowingLayer(name, self._frame_id, quantity, unit)
+        else:
+            if known.made_by.get("method", "gmrf") != "gmrf" or "half_life" in known.made_by:
+                raise HypermapError(
+                    f"layer {name!r} is made by {known.made_by['method']}, with or without a "
+                    "half-life; only gmrf without one can be continued live: name the quantity "
+                    "otherwise, or make the layer again with `hypermap values`"
+                )
+            kept = samples_of(self._onto, known, self._onto.base_frame)
+            layer = GrowingLayer(name, self._frame_id, known.quantity, known.unit or unit, kept)
+        self.values.append(layer)
+        return layer
+
+    def unit_of_values(self, name: str) -> str:
+        """Return the unit of a layer of the map to go on with; empty where there is none."""
+        known = None if self._onto is None else known_layer(self._onto, name)
+        return "" if known is None else known.unit
+
+    def walls(self) -> OccupancyLayer:
+        """Return the occupancy layer so far."""
+        with self._lock:
+            return self._mapper.occupancy() if self._given is None else self._given
+
+    @property
+    def state(self) -> tuple[int, ...]:
+        """What differs after every change, by frames or samples."""
+        return self.revision, *(layer.revision for layer in self.values)
+
+    @property
+    def is_new(self) -> bool:
+        """Whether frames or samples have come, beyond those of earlier runs."""
+        return self.frames > 0 or any(layer.is_new for layer in self.values)
+
     def give_occupancy(self, layer: OccupancyLayer) -> None:
         """Take the occupancy layer of another node, and correct poses by it from now on."""
         with self._lock:
@@ -124,12 +179,18 @@ class LiveMap:
             correction = self._mapper.correct(trajectory, is_under_way=True, least=least)
             if correction is not None:
                 self.revision += 1
+                motions = correction.motions()
+                for layer in self.values:
+                    layer.move(motions.moved)
             return correction
 
     def clear(self) -> None:
         """Forget all frames, and the map with which mapping went on."""
         with self._lock:
             self._mapper = self._new_mapper()
+            self._onto = None
+            for layer in self.values:
+                layer.clear()
             self.revision += 1
 
     @property
@@ -150,15 +211,18 @@ class LiveMap:
     def hypermap(self) -> Hypermap:
         """Return the map so far: an occupancy layer, unless there is to be none, and objects.
 
-        A map with which mapping went on keeps its other layers.
+        Then come the layers of measured values. A map with which mapping went on keeps its others.
         """
         with self._lock:
             mapper, given = self._mapper, self._given
             whole = mapper.hypermap()
         if given is not None:
-            return whole.with_layers(replaced(whole, [given]))
-        if not mapper.makes_occupancy and mapper.occupancy().grid is None:
+            whole = whole.with_layers(replaced(whole, [given]))
+        elif not mapper.makes_occupancy and mapper.occupancy().grid is None:
             whole.remove(mapper.occupancy().name)
+        for growing in self.values:
+            if (layer := growing.layer()) is not None:
+                whole = with_value_layer(whole, layer)
         return whole
 
     def _beside_others(self, source: DetectionSource) -> DetectionSource:

@@ -45,10 +45,10 @@ class LiveOutputs:
         self._semantic = port.publisher(
             settings.semantic_map_topic, "hypermap_msgs/SemanticMap", latched=True
         )
-        self._objects = _OnDemand(port, "objects", "hypermap_msgs/ObjectStateArray", self._states)
-        self._grid: _OnDemand | None = None
+        self._objects = OnDemand(port, "objects", "hypermap_msgs/ObjectStateArray", self._states)
+        self._grid: OnDemand | None = None
         if settings.occupancy and not settings.map_topic:
-            self._grid = _OnDemand(port, "map", OCCUPANCY, self._occupancy)
+            self._grid = OnDemand(port, "map", OCCUPANCY, self._occupancy)
         self._markers = LayerMarkers(port)
         self._shapes = _Polygons(port, topics.shapes)
         self._area = _Polygons(port, topics.areas)
@@ -116,7 +116,7 @@ class _Polygons:
             publisher.close()
 
 
-class _OnDemand:
+class OnDemand:
     """A latched topic whose message is made when someone listens and it has changed."""
 
     def __init__(self, port: Port, topic: str, type_name: str, make: Callable[[], Message]) -> None:
@@ -125,9 +125,11 @@ class _OnDemand:
         self._published = -1
 
     def publish(self, revision: int) -> None:
+        """Publish what there is at a revision of the map, if it is wanted and another."""
         if revision != self._published and self._publisher.listeners:
             self._published = revision
             self._publisher.publish(self._make())
 
     def close(self) -> None:
+        """Publish no more."""
         self._publisher.close()

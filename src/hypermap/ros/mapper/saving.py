@@ -32,7 +32,7 @@ class Saving:
         self._path = Path(settings.save_to).absolute() if settings.save_to else None
         self._directory = settings.map_directory
         self._every = settings.save_every
-        self._saved_revision = live_map.revision
+        self._saved_state = live_map.state
         self._saves = 0
         self._own: set[Path] = set()  # files that this node has made
         self._lock = threading.Lock()
@@ -79,15 +79,15 @@ class Saving:
             self._thread.join()
         if self._path is None:
             return
-        if self._map.frames == 0:
+        if not self._map.is_new:
             self._port.log("warning", "nothing was mapped, so nothing is saved")
-        elif self._map.revision != self._saved_revision:
+        elif self._map.state != self._saved_state:
             self._save(self._path)
 
     def _work(self) -> None:
         assert self._path is not None
         while not self._ends.wait(self._every):
-            if self._map.frames == 0 or self._map.revision == self._saved_revision:
+            if not self._map.is_new or self._map.state == self._saved_state:
                 continue
             try:
                 self._save(self._path, "debug" if self._path in self._own else "info")
@@ -98,13 +98,13 @@ class Saving:
         with self._lock:  # an older map must not replace a newer one
             if path not in self._own and (backup := keep_backup(path, spare_edited=True)):
                 self._port.log("warning", f"{path} was there before; it stays as {backup}")
-            revision = self._map.revision
+            state = self._map.state
             hypermap = self._map.hypermap()
             hypermap.metadata[MAP_VERSION] += self._saves
             self._saves += 1
             save_map(hypermap, path)
             self._own.add(path)
             if path == self._path:
-                self._saved_revision = revision
+                self._saved_state = state
         objects = len(hypermap.semantic())
         self._port.log(level, f"saved {objects} objects to {path}")

@@ -18,6 +18,7 @@ from hypermap.ros.mapper.exploring import LiveExploration
 from hypermap.ros.mapper.frames import FrameMaker
 from hypermap.ros.mapper.inputs import LiveInputs
 from hypermap.ros.mapper.live_map import LiveMap
+from hypermap.ros.mapper.live_values import LiveValues
 from hypermap.ros.mapper.outputs import LiveOutputs, PolygonTopics
 from hypermap.ros.mapper.path_corrections import PathCorrections
 from hypermap.ros.mapper.saving import Saving
@@ -142,6 +143,7 @@ class _Life:
         self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
         if settings.frontiers:
             self._others.append(LiveExploration(port, settings, live_map, self._log))
+        self._values = LiveValues(port, settings, live_map, self._log)
         if settings.path_topic:
             self._others.append(PathCorrections(port, settings, live_map, self._log))
         # Before the images, for which a player of bags waits: a bag tells its map but once.
@@ -166,6 +168,7 @@ class _Life:
         for closable in self._others:
             closable.close()
         self._worker.close()
+        self._values.close()  # for the walls of the last frame
         self.outputs.close()
         self._diagnostics.close()
         self._saving.close()

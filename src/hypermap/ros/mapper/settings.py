@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, cast
 
 from hypermap.core.errors import HypermapError
+from hypermap.recordings.samples import ValueSource
 from hypermap.ros.port import Parameter, Value
 
 CLOUD = "sensor_msgs/PointCloud2"
@@ -100,6 +101,14 @@ class LiveSettings:
     max_rate: float = _setting(0.0, "Frames per second to take at most; 0 is any.", 0, 1000)
     publish_rate: float = _setting(1.0, "How often per second the map is published.", 0.01, 50)
     semantic_map_topic: str = _setting("/semantic_map", "Topic of the objects.")
+    values: Sequence[str] = _setting(
+        (),
+        "Topics with samples of quantities to map, each TOPIC or TOPIC:FIELD, then ,KEY=TEXT for "
+        "quantity, unit, sample-unit, censored-below and sensor-frame.",
+    )
+    values_rate: float = _setting(
+        10.0, "Samples of each topic to take per second at most; 0 is any.", 0, 1000
+    )
     onto: str = _setting("", "Map (.hmap) of an earlier run to continue, with its settings.")
     save_to: str = _setting("", "File (.hmap) in which the map is saved at the end.", once=True)
     save_every: float = _setting(
@@ -112,7 +121,9 @@ class LiveSettings:
         False, "Whether to publish where to look next: frontiers and uncertain objects."
     )
     frontiers_every: float = _setting(2.0, "Seconds between searches for frontiers.", 0.1, 3600)
-    base_frame: str = _setting("base_link", "Frame of the robot, for frontiers and path_topic.")
+    base_frame: str = _setting(
+        "base_link", "Frame of the robot, for frontiers, path_topic and values."
+    )
     robot_radius: float = _setting(0.3, "Radius of the robot [m].", 0, 10)
     through_unknown: bool = _setting(False, "Whether the robot may drive over unknown cells.")
     sensor_range: float = _setting(4.0, "Maximum range of its sensor on the floor [m].", 0.1, 100)
@@ -138,6 +149,8 @@ class LiveSettings:
             raise HypermapError("register moves depth images into color: give color_topic, too")
         if self.rotate % 90:
             raise HypermapError(f"rotate must be 0, 90, 180 or 270 degrees, got {self.rotate}")
+        for text in self.values:
+            ValueSource.parse(text)
         if not self.map_frame.strip("/"):
             raise HypermapError("map_frame must be the name of a frame")
         if self.frontiers and not (self.occupancy or self.map_topic):

@@ -96,6 +96,12 @@ class Ros1Port:
             )
         )
 
+    def topic_type(self, topic: str) -> str | None:
+        """Return the type of a topic that someone publishes."""
+        known = dict(rospy.get_published_topics())
+        found = known.get(rospy.resolve_name(_resolved(topic)))
+        return None if found is None else str(found)
+
     def subscribe(
         self,
         topic: str,

@@ -102,6 +102,12 @@ class Ros2Port:
             made = self._node.create_publisher(kind, resolved(topic), publisher_qos(latched))
         return RclpyPublisher(self._node, made)
 
+    def topic_type(self, topic: str) -> str | None:
+        """Return the type of a topic that someone publishes or listens to, as PACKAGE/NAME."""
+        wanted = self._node.resolve_topic_name(resolved(topic))
+        types = dict(self._node.get_topic_names_and_types()).get(wanted, [])
+        return types[0].replace("/msg/", "/") if types else None
+
     def subscribe(
         self,
         topic: str,
