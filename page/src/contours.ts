@@ -23,6 +23,25 @@ export function levelsBetween(low: number, high: number): number[] {
   return levels;
 }
 
+/** A grid of at most so many cells, for which every second or third along a side is taken. */
+export function thinned(
+  values: Float32Array,
+  width: number,
+  height: number,
+  most: number,
+): { values: Float32Array; width: number; height: number; every: number } {
+  const every = Math.ceil(Math.sqrt(values.length / most));
+  if (every < 2) return { values, width, height, every: 1 };
+  const [columns, rows] = [Math.ceil(width / every), Math.ceil(height / every)];
+  const left = new Float32Array(columns * rows);
+  for (let row = 0; row < rows; row++) {
+    for (let column = 0; column < columns; column++) {
+      left[row * columns + column] = values[(row * width + column) * every];
+    }
+  }
+  return { values: left, width: columns, height: rows, every };
+}
+
 /** The lines at a level between the centers of cells; none beside cells that are NaN. */
 export function contoursAt(
   values: Float32Array,
@@ -40,6 +59,13 @@ export function contoursAt(
   for (let row = 0; row + 1 < height; row++) {
     for (let column = 0; column + 1 < width; column++) {
       const corner = row * width + column;
+      const isAbove = values[corner] > level;
+      if (
+        isAbove === values[corner + 1] > level &&
+        isAbove === values[corner + width] > level &&
+        isAbove === values[corner + width + 1] > level
+      )
+        continue; // as nearly everywhere
       const four = [corner, corner + 1, corner + width + 1, corner + width];
       const above = four.map((index) => values[index] > level);
       if (four.some((index) => Number.isNaN(values[index]))) continue;

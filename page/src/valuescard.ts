@@ -2,7 +2,7 @@
 
 import Feature from "ol/Feature.js";
 import LineString from "ol/geom/LineString.js";
-import { contoursAt, levelsBetween } from "./contours";
+import { contoursAt, levelsBetween, thinned } from "./contours";
 import { byId, complain, el } from "./dom";
 import { contourLook } from "./looks";
 import { drawnLayer, isMeasured, isVisible, type MapView, type ShownLayer } from "./mapview";
@@ -12,7 +12,7 @@ import { MeasuredValues } from "./values";
 
 /** Below objects and above grids. */
 const CONTOURS_Z = 18;
-/** With more cells, lines are drawn slowly. */
+/** Lines are drawn of so many cells at most; of a finer grid, every second or third of a row. */
 const MOST_CELLS = 1_000_000;
 
 export class ValuesCard {
@@ -118,12 +118,12 @@ export class ValuesCard {
     const values = this.shown?.values;
     const range = values?.range;
     if (!this.lines.checked || !values || !range) return setFeatures(this.contours, []);
-    const isLarge = values.values.length > MOST_CELLS;
-    this.lines.title = isLarge ? "Too many cells for contours" : "";
-    const levels = isLarge ? [] : levelsBetween(...range);
-    const features = levels.flatMap((level) =>
-      contoursAt(values.values, values.width, values.height, level).map(({ points }) => {
-        const feature = new Feature(new LineString(points.map((point) => values.toBase(point))));
+    const grid = thinned(values.values, values.width, values.height, MOST_CELLS);
+    const place = (inCells: number) => (inCells - 0.5) * grid.every + 0.5;
+    const features = levelsBetween(...range).flatMap((level) =>
+      contoursAt(grid.values, grid.width, grid.height, level).map(({ points }) => {
+        const line = points.map(([column, row]) => values.toBase([place(column), place(row)]));
+        const feature = new Feature(new LineString(line));
         feature.set("text", `${level} ${values.unit}`.trimEnd());
         return feature;
       }),

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { contoursAt, levelsBetween } from "../src/contours";
+import { contoursAt, levelsBetween, thinned } from "../src/contours";
 import type { EmbeddedValues } from "../src/source";
 import { MeasuredValues, summaryOf } from "../src/values";
 
@@ -67,4 +67,15 @@ test("a hill has a closed line, and unknown cells have none beside them", () => 
   assert.deepEqual(line.points[0], line.points[4]);
   hill[0] = NaN;
   assert.equal(contoursAt(hill, 3, 3, 1)[0].points.length, 4);
+});
+
+test("of a fine grid every second cell is taken, so that lines of a million cells are quick", () => {
+  const fine = Float32Array.from({ length: 15 }, (_, index) => index);
+  const { values, width, height, every } = thinned(fine, 5, 3, 6);
+  assert.deepEqual([[...values], width, height, every], [[0, 2, 4, 10, 12, 14], 3, 2, 2]);
+  assert.equal(thinned(fine, 5, 3, 15).values, fine);
+  const slope = Float32Array.from({ length: 1_000_000 }, (_, index) => index % 1000);
+  const began = performance.now();
+  for (let level = 100; level < 900; level += 100) contoursAt(slope, 1000, 1000, level + 0.5);
+  assert.ok(performance.now() - began < 5000);
 });

@@ -96,6 +96,15 @@ def test_contours_lie_where_the_value_is_round(tmp_path, turned):
     assert {"0.5 m", "3.5 m"} <= set(texts)
 
 
+def test_lines_of_a_very_fine_grid_are_drawn_of_fewer_cells(monkeypatch):
+    monkeypatch.setattr("hypermap.viewer.picture._MOST_CONTOURED", 200)
+    values = np.arange(800.0).reshape(20, 40)
+    layer = ValueLayer("distance", "map", GridGeometry(40, 20, 0.1), values)
+    (drawn,) = compose(Hypermap([layer]), contours=True).contours
+    assert drawn.values.shape == (10, 20)
+    np.testing.assert_array_equal(layer.value_at(drawn.points_xy.reshape(-1, 2)), drawn.values.flat)
+
+
 @pytest.mark.parametrize("values", [[[7.0, 7.0], [7.0, 7.0]], [[1.0, 2.0]], [[math.nan] * 2] * 2])
 def test_a_field_without_a_slope_has_no_contours(tmp_path, values):
     grid = GridGeometry(2, len(values), 1.0)

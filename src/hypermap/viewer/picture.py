@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".png", ".svg")
 _NONE = np.empty((0, 2, 2))  # lines
+_MOST_CONTOURED = 1_000_000  # cells; of a finer grid, every second or third of a row
 _RAY = 2  # cells of a row through which a single ray of a sensor passes
 
 
@@ -240,10 +242,13 @@ def _contours(hypermap: Hypermap, shown: Iterable[Layer]) -> tuple[Contours, ...
     found = []
     for layer in shown:
         if isinstance(layer, ValueLayer) and layer.grid is not None and layer.cells is not None:
-            rows, cols = np.indices(layer.grid.shape)
+            every = math.ceil(math.sqrt(layer.cells.size / _MOST_CONTOURED))
+            height, width = layer.grid.shape
+            rows, cols = np.mgrid[0:height:every, 0:width:every]
             base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
             points = base_T_layer.apply(layer.grid.centers(rows.ravel(), cols.ravel()))
-            found.append(Contours(layer.cells, points.reshape(*rows.shape, 2), layer.unit))
+            values = layer.cells[::every, ::every]
+            found.append(Contours(values, points.reshape(*rows.shape, 2), layer.unit))
     if not found:
         raise HypermapError(
             "contours are lines of equal value, and none of these layers has measured values; "
