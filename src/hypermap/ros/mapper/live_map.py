@@ -184,6 +184,11 @@ class LiveMap:
                     layer.move(motions.moved)
             return correction
 
+    @property
+    def corrects_poses(self) -> bool:
+        """Whether frames are put where they fit the occupancy map, whatever tf says of them."""
+        return self._mapper.corrects_poses
+
     def clear(self) -> None:
         """Forget all frames, and the map with which mapping went on."""
         with self._lock:

@@ -24,6 +24,7 @@ from hypermap.ros.mapper.path_corrections import PathCorrections
 from hypermap.ros.mapper.saving import Saving
 from hypermap.ros.mapper.settings import OCCUPANCY, PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import Report, State, Statistics
+from hypermap.ros.mapper.tf_corrections import TfCorrections
 from hypermap.ros.mapper.worker import Worker
 from hypermap.ros.port import Closable, Message, Port, Value
 from hypermap.ros.throttle import Throttle
@@ -146,6 +147,8 @@ class _Life:
         self._values = LiveValues(port, settings, live_map, self._log)
         if settings.path_topic:
             self._others.append(PathCorrections(port, settings, live_map, self._log))
+        elif settings.odom_frame:
+            self._others.append(TfCorrections(port, settings, live_map, self._log))
         # Before the images, for which a player of bags waits: a bag tells its map but once.
         if settings.map_topic:
             self._others.append(

@@ -81,6 +81,9 @@ class LiveSettings:
     path_topic: str = _setting(
         "", "Path of base_frame as optimized by SLAM: when a loop closure moves it, the map moves."
     )
+    odom_frame: str = _setting(
+        "odom", "Frame of odometry: without path_topic, when it jumps in map_frame, the map moves."
+    )
     register: bool = _setting(
         False, "Whether to register depth to color, by the camera info next to color, and tf."
     )
