@@ -13,6 +13,8 @@ from hypermap.mapping.prepared_polygon import PreparedPolygon, shared_area
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows, TrackShapes
 
+_FARTHEST_CORNER = 5.0  # times the margin that a widened shape reaches at most: GEOS's mitre limit
+
 
 def jaccard(
     shape: PreparedPolygon, class_: int, tracks: TrackShapes, config: EvidenceConfig
@@ -35,14 +37,16 @@ def overlap(
     shape is widened by `slack`, so that a thin object still matches when poses are a little off. It
     is widened by at most a quarter of its size, as two cups that stand close together are two.
     """
-    wide = shape.cached(_widened, config.slack)
+    reach = _FARTHEST_CORNER * min(config.slack, math.sqrt(shape.area) / 4)
+    xmin, ymin, xmax, ymax = shape.box
     matches = []
-    for row in tracks.near(class_, wide.box):
+    for row in tracks.near(class_, (xmin - reach, ymin - reach, xmax + reach, ymax + reach)):
         other = tracks.polygons[row]
+        # To widen a shape takes longer than all else here.
         if other.area > shape.area:
             shared = shared_area(shape, other.cached(_widened, config.slack))
         else:
-            shared = shared_area(other, wide)
+            shared = shared_area(other, shape.cached(_widened, config.slack))
         matches.append((row, shared / min(shape.area, other.area)))
     return _best_first(matches, config.min_overlap)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry, along
@@ -40,14 +41,10 @@ class SeenCells:
         reached = world.cells_at(motion.apply(grid.corners()))
         first = reached.min(axis=0)
         there = cells_from(first, tuple(reached.max(axis=0) - first + 1), resolution)
-        rows, cols = np.indices(there.shape).reshape(2, -1)
-        before = grid.cells_at(motion.inverse().apply(there.centers(rows, cols)))
-        is_known = grid.contains(*before.T)
-        before[~is_known] = 0
-        is_hit, is_free = (
-            (cells[before[:, 0], before[:, 1]] & is_known).reshape(there.shape)
-            for cells in (self.is_hit, self.is_free)
-        )
+        is_hit, is_free = np.zeros((2, *there.shape), dtype=bool)
+        to_there = there.to_cells_matrix() @ motion.matrix()
+        before_T_after = grid.to_cells_matrix() @ np.linalg.inv(to_there)
+        _move(self.is_hit, self.is_free, before_T_after, is_hit, is_free)
         return SeenCells(first, is_hit, is_free)
 
 
@@ -65,3 +62,33 @@ def cells_from(first: NDArray[np.int64], shape: tuple[int, ...], resolution: flo
         resolution=resolution,
         origin=Pose2D(x=along(int(first[1]), resolution), y=along(int(first[0]), resolution)),
     )
+
+
+@loop()
+def _move(
+    is_hit: BoolArray,
+    is_free: BoolArray,
+    before_T_after: NDArray[np.float64],
+    hit_after: BoolArray,
+    free_after: BoolArray,
+) -> None:
+    """Let each cell show what the cell showed in which its center was.
+
+    Args:
+        is_hit: of the cells before.
+        is_free: likewise.
+        before_T_after: takes (col, row, 1) after to that before, where cells extend from their
+            index to the next, shape (3, 3).
+        hit_after: all False; filled.
+        free_after: likewise.
+    """
+    height, width = is_hit.shape
+    m = before_T_after
+    for row in range(hit_after.shape[0]):
+        for col in range(hit_after.shape[1]):
+            x, y = col + 0.5, row + 0.5
+            old_col = int(np.floor(m[0, 0] * x + m[0, 1] * y + m[0, 2]))
+            old_row = int(np.floor(m[1, 0] * x + m[1, 1] * y + m[1, 2]))
+            if 0 <= old_row < height and 0 <= old_col < width:
+                hit_after[row, col] = is_hit[old_row, old_col]
+                free_after[row, col] = is_free[old_row, old_col]
