@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import logging
 import math
@@ -218,6 +219,13 @@ def random_embeddings(count: int, numbers: int = 64) -> Embeddings:
     vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
     ids = np.arange(count) * 2
     return Embeddings("m", ids, vectors.astype(np.float16), np.ones(count, np.float32))
+
+
+@pytest.mark.parametrize("length", [-1.0, 1e13, 3e38, np.inf, np.nan])
+def test_lengths_that_no_sum_of_unit_vectors_has_are_refused(length: float) -> None:
+    one = random_embeddings(2)
+    with pytest.raises(ValueError, match="of embeddings"):
+        dataclasses.replace(one, lengths=np.array([1, length], np.float32))
 
 
 @pytest.mark.parametrize(("count", "k"), [(5, 9), (1000, 3), (30_000, 1), (30_000, 20)])

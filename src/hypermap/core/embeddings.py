@@ -14,6 +14,7 @@ from hypermap.core.arrays import IntArray
 
 MOST_NUMBERS = 4096
 """How many numbers an embedding may have."""
+_LONGEST = 1e12  # sums of unit vectors; their squares still fit into float32
 
 
 class TextEncoder(Protocol):
@@ -71,7 +72,7 @@ class Embeddings:
         lengths: as in `Embedding`, float32, shape (N,).
 
     Raises:
-        ValueError: If the columns do not fit, or have numbers that are not finite.
+        ValueError: If the columns do not fit, or have numbers that are not finite or too large.
     """
 
     model: str
@@ -89,6 +90,8 @@ class Embeddings:
             raise ValueError("the ids of the embeddings are not ascending")
         if not (np.isfinite(self.vectors).all() and np.isfinite(self.lengths).all()):
             raise ValueError("the numbers of embeddings must be finite")
+        if not ((self.lengths >= 0) & (self.lengths <= _LONGEST)).all():
+            raise ValueError(f"the lengths of embeddings are from 0 to {_LONGEST:g}")
 
     @classmethod
     def of(cls, found: Mapping[int, Embedding]) -> Embeddings | None:
