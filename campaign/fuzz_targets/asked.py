@@ -58,9 +58,9 @@ def tools(folder: Path) -> Target:
         nonlocal known
         with contextlib.suppress(ValueError, RecursionError):
             call = json.loads(data)
-            if not isinstance(call, dict) or call.get("tool") not in known:
+            tool = known.get(str(call.get("tool"))) if isinstance(call, dict) else None
+            if tool is None:
                 return
-            tool = known[call["tool"]]
             arguments = call.get("arguments")
             answer = _called(tool, arguments if isinstance(arguments, dict) else None)
             if tool.is_edit:
