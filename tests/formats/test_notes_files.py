@@ -119,6 +119,17 @@ def test_what_is_no_regular_file_next_to_the_map_is_missing_and_nobody_waits_for
         kept.open()
 
 
+def test_what_was_replaced_by_a_link_since_is_missing_and_not_followed(saved: Path, tmp_path: Path):
+    opened = open_map(saved)
+    (large,) = (saved.parent / "office.hmap.media").iterdir()
+    large.rename(tmp_path / "elsewhere")
+    large.symlink_to(tmp_path / "elsewhere")
+    kept = notes_layer(opened)[1].attachments[1]
+    assert not kept.is_there
+    with pytest.raises(FileNotFoundError, match="is missing"):
+        kept.open()
+
+
 def test_a_name_that_no_folder_can_have_is_that_of_a_missing_one(saved: Path, tmp_path: Path):
     document = json.loads(zipfile.ZipFile(saved).read("notes.geojson"))
     document["beside"] = "x" * 300

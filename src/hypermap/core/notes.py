@@ -71,11 +71,15 @@ class Attachment:
 
     @property
     def is_there(self) -> bool:
-        """Whether the content can be read: a file next to the map may have been left behind."""
+        """Whether the content can be read: a file next to the map may have been left behind.
+
+        A link there is none of the map's files, whatever it leads to.
+        """
         if isinstance(self.content, bytes):
             return True
+        is_beside = self.content.name == self.sha256
         try:
-            return stat.S_ISREG(self.content.stat().st_mode)
+            return stat.S_ISREG(self.content.stat(follow_symlinks=not is_beside).st_mode)
         except OSError:  # also where nobody may look, and for names that no file can have
             return False
 
