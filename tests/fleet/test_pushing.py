@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 pytest.importorskip("psycopg", reason="psycopg is missing")
 
@@ -16,7 +17,7 @@ pytest.importorskip("psycopg", reason="psycopg is missing")
 from hypermap import Hypermap, open_map, save_map
 from hypermap.cli.main import main
 from hypermap.core.evidence import EvidenceTable
-from hypermap.core.semantic import SemanticLayer
+from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.fleet.store.address import StoreError, parse_address
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.pushing import Conflict, SiteExists, pull, push
@@ -42,6 +43,16 @@ def evidence_for(*ids: int) -> EvidenceTable:
         poses=np.eye(4)[np.newaxis] / 3,
         areas=np.array([square("", 0, 0, 9).footprint], dtype=object),
     )
+
+
+def test_a_ring_from_zero_to_minus_zero_is_closed_for_postgis(
+    database: Database, site: str
+) -> None:
+    ring = shapely.Polygon([(-0.0, 0), (1, 0), (1, 1), (0, -0.0)])
+    drawn = SemanticLayer("semantic", "map", [SemanticObject("cup", ring)])
+    push(database, Hypermap([drawn]), site)
+    (pulled,) = pull(database, site).semantic()
+    assert pulled.footprint.equals_exact(ring)
 
 
 @pytest.fixture(scope="module")

@@ -155,7 +155,7 @@ class Database:
                 reason = _reason(error)
                 raise StoreAway(f"{self.address.shown}: the database is away: {reason}") from None
             raise StoreError(f"{self.address.shown}: {_reason(error)}") from None
-        except psycopg.DataError as error:
+        except (psycopg.DataError, psycopg.InternalError) as error:  # the latter of PostGIS
             raise StoreError(f"{self.address.shown}: {_reason(error)}") from None
 
     def __del__(self) -> None:

@@ -53,7 +53,9 @@ def rows_of_objects(
         [one is not other for one, other in zip(table.shapes, table.footprints, strict=True)],
         dtype=bool,
     )
-    shapes = shapely.to_wkb(shapely.set_srid(table.shapes, SRID), include_srid=True)
+    # Without -0.0: PostGIS compares bytes, so that a ring from 0.0 to -0.0 is none for it.
+    unsigned = shapely.transform(table.shapes, lambda xy: xy + 0.0)
+    shapes = shapely.to_wkb(shapely.set_srid(unsigned, SRID), include_srid=True)
     footprints = np.full(len(table), None)
     footprints[is_repaired] = shapely.to_wkb(table.footprints[is_repaired])
     known = list(table.vocabulary)
