@@ -106,6 +106,7 @@ def parsed_request(data: bytes, secret: tuple[bytes, bytes]) -> tuple[dict[str, 
     head, _, body = data.partition(b"\n\n")
     first, *lines = head.split(b"\n")
     method, _, target = first.partition(b" ")
+    target = bytes(letter for letter in target if 0x21 <= letter <= 0x7E)  # as h11 has it
     way, _, query = target.partition(b"?")
     headers = [secret]
     for line in lines:
