@@ -201,6 +201,11 @@ def test_exported_files_have_the_names_that_people_know(tmp_path: Path):
         "1-6-tile.jpg.txt",
     ]
     assert written[1].read_bytes() == b"../../evil"
+    assert export_files(layer, tmp_path / "out") == written
+    written[1].write_bytes(b"of another")  # as long
+    with pytest.raises(HypermapError, match="1-evil: is there already with another content"):
+        export_files(layer, tmp_path / "out")
+    assert written[1].read_bytes() == b"of another"
 
 
 def test_old_readers_keep_the_notes_byte_for_byte(saved: Path, tmp_path: Path, monkeypatch):

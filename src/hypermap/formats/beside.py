@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import os
 import re
 import stat
 from collections.abc import Iterable, Sequence
@@ -67,6 +68,20 @@ def _is_whole(path: Path, size: int) -> bool:
     return stat.S_ISREG(status.st_mode) and status.st_size == size
 
 
+def _holds(path: Path, attachment: Attachment) -> bool:
+    """Return whether a file has the content of an attachment."""
+    if not _is_whole(path, attachment.size):
+        return False
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while piece := file.read(_PIECE):
+                digest.update(piece)
+    except OSError:
+        return False
+    return digest.hexdigest() == attachment.sha256
+
+
 def is_kept(attachment: Attachment) -> bool:
     """Return whether a file is next to a map already, or was."""
     content = attachment.content
@@ -105,8 +120,14 @@ def export_files(notes: Iterable[Note], folder: Path) -> list[Path]:
             if not each.is_there:
                 logger.warning("%s is missing: the attached file %r", each.content, each.name)
                 continue
-            copy_to(folder / name, each)
-            written.append(folder / name)
+            target = folder / name
+            if not os.path.lexists(target):
+                copy_to(target, each)
+            elif not _holds(target, each):
+                raise HypermapError(
+                    f"{target}: is there already with another content; export to another folder"
+                )
+            written.append(target)
     return written
 
 
