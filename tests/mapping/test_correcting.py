@@ -259,6 +259,23 @@ def test_old_frames_are_dropped_and_stay_where_they_were(monkeypatch: pytest.Mon
     assert mapper.correct(truth()).frames == kept
 
 
+def test_ids_stay_when_poses_are_corrected_again_after_old_frames_were_dropped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(frame_log, "PART", 10)
+    mapper = mapper_of(drifted()[:18])
+    mapper.correct(truth())
+    first = mapper.logged_poses()[0][0]
+    for frame in drive()[18:30]:
+        mapper.add(frame)
+    assert mapper.logged_poses()[0][0] > first  # begins with what was a part in between
+    before = objects(mapper.hypermap())
+    mapper.correct(truth())
+    after = {one.id: one for one in objects(mapper.hypermap())}
+    assert [one.id for one in before] == list(after)
+    assert min(best_ious([one], [after[one.id]])[0] for one in before) > 0.8
+
+
 def test_of_short_drives_only_the_newest_three_are_kept() -> None:
     log = FrameLog()
     for number in range(6):

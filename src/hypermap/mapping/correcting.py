@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -191,6 +192,10 @@ def map_again(
             on_progress(number + 1, len(poses))
     fixed = frozenset(track.id for track in first.tracks.objects)
     tracks = with_known_ids(evidence.tracks(), before.tracks(), fixed, config)
+    again.parts[1:] = [
+        dataclasses.replace(part, before=_with_ids_of(tracks, part.before, fixed, config))
+        for part in again.parts[1:]
+    ]
     evidence.go_on_with(tracks, before.hand_edits())
     return MappedAgain(evidence, occupancy, again)
 
@@ -198,6 +203,14 @@ def map_again(
 def _map_now(first: MapBefore, evidence: EvidenceMap, occupancy: OccupancyMapper) -> MapBefore:
     first_cell, log_odds = occupancy.log_odds()
     return MapBefore.of(evidence.tracks(), first_cell, None if first.log_odds is None else log_odds)
+
+
+def _with_ids_of(
+    known: TrackTable, before: MapBefore, fixed: frozenset[int], config: MappingConfig
+) -> MapBefore:
+    """Return a map between two parts of the log with the ids that its tracks have in the end."""
+    tracks = with_known_ids(before.tracks, known, fixed, config)
+    return MapBefore.of(tracks, before.first_cell, before.log_odds)
 
 
 def with_known_ids(
