@@ -32,6 +32,7 @@ _SCALARS: dict[str, Callable[[yaml.ScalarNode], Any]] = {
     f"{_TAG}binary": _construct.construct_yaml_binary,
     f"{_TAG}timestamp": _construct.construct_yaml_timestamp,
 }
+_TOO_DEEP = f"is nested more than {limits.MAX_YAML_DEPTH} deep"
 _implicit: Any = yaml.resolver.Resolver()
 _AS_TEXT = (f"{_TAG}str", f"{_TAG}merge", f"{_TAG}value")
 _PLAIN_COLLECTIONS = (None, "!", f"{_TAG}seq", f"{_TAG}map")
@@ -59,6 +60,9 @@ def read_yaml(content: bytes, path: str, text_at: Collection[tuple[str, ...]] = 
     try:
         return _Reader(loader, path, frozenset(text_at)).document()
     except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        if mark is not None and "nesting depth" in str(error):  # libyaml from 0.2.6 on has a limit
+            raise FormatError(_TOO_DEEP, path=path, key=f"line {mark.line + 1}") from error
         raise FormatError(f"is not valid YAML: {_one_line(error)}", path=path) from error
     except (ValueError, OverflowError) as error:
         raise FormatError(f"is not valid YAML: {error}", path=path) from error
@@ -201,7 +205,7 @@ class _Reader:
             self._count(event, size)
             return value
         if len(place) > limits.MAX_YAML_DEPTH:
-            raise self._error(event, f"is nested more than {limits.MAX_YAML_DEPTH} deep")
+            raise self._error(event, _TOO_DEEP)
         if isinstance(event, yaml.ScalarEvent):
             value = self._scalar(event, place in self._text_at)
         elif event.tag not in _PLAIN_COLLECTIONS:
