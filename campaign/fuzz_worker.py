@@ -137,9 +137,10 @@ def main() -> None:
             tries.warm_up(target.corpus)  # which imports what the program imports when it needs it
         arguments = tries, target, float(seconds), int(seed)
         if guide is not None:
-            _guided(guide, *arguments, kept, partial(_end, said, name, tries, scratch))
+            _guided(guide, *arguments, kept, partial(_end, said, target, name, tries, scratch))
         _at_random(*arguments, int(runs[0]) if runs else None)
         _say(said, name, tries, "random")
+        target.close()
     os._exit(0)  # threads of servers do not hold us up
 
 
@@ -156,9 +157,10 @@ def _say(handle: int, name: str, tries: Tries, way: str) -> None:
     os.write(handle, json.dumps(reported).encode() + b"\n")
 
 
-def _end(handle: int, name: str, tries: Tries, scratch: str) -> None:
+def _end(handle: int, target: Any, name: str, tries: Tries, scratch: str) -> None:
     """Say what was done, and end: libFuzzer does not return."""
     _say(handle, name, tries, "coverage")
+    target.close()
     shutil.rmtree(scratch, ignore_errors=True)
     os._exit(0)
 

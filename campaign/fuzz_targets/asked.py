@@ -176,7 +176,8 @@ def store_api(_: Path) -> Target:
     from hypermap.fleet.store.address import parse_address
     from hypermap.fleet.store.service.app import StoreService
 
-    service = StoreService(parse_address(_store()), _TOKEN, allows_edits=True)
+    started = contextlib.ExitStack()
+    service = StoreService(parse_address(_store(started)), _TOKEN, allows_edits=True)
     app, known = service.app, _first_collection(service)
 
     def ask(data: bytes) -> None:
@@ -185,11 +186,11 @@ def store_api(_: Path) -> Target:
         if status >= 500 and status != 503:
             raise AssertionError(f"answered {status}")
 
-    return Target(ask, list(_requests(known)), mutate_request)
+    return Target(ask, list(_requests(known)), mutate_request, started.close)
 
 
-def _store() -> str:
-    """Return the address of a store with one site, whose server ends with this process."""
+def _store(started: contextlib.ExitStack) -> str:
+    """Return the address of a store with one site, on a server that ends with what is given."""
     from hypermap.testing.postgres import private_server, why_no_server
 
     if why_no_server() is not None:
@@ -201,9 +202,7 @@ def _store() -> str:
     from hypermap.fleet.store.migrating import migrate
     from hypermap.fleet.store.pushing import push
 
-    stack = contextlib.ExitStack()
-    server = stack.enter_context(private_server("-c fsync=off -c shared_buffers=32MB"))
-    _KEPT.append(stack)
+    server = started.enter_context(private_server("-c fsync=off -c shared_buffers=32MB"))
     with psycopg.connect(server.address("postgres"), autocommit=True) as connection:
         connection.execute("CREATE DATABASE store")
     address = parse_address(server.address("store"))
@@ -212,9 +211,6 @@ def _store() -> str:
     push(database, full_map(), "office")
     database.close()
     return str(server.address("store"))
-
-
-_KEPT: list[contextlib.ExitStack] = []
 
 
 def _first_collection(service: Any) -> str:

@@ -25,11 +25,13 @@ class Target:
         ask: takes the bytes. What it raises but HypermapError is a finding.
         corpus: examples of what is right.
         mutate: spoils an example.
+        close: ends what the target has started.
     """
 
     ask: Callable[[bytes], object]
     corpus: Sequence[bytes]
     mutate: Mutator
+    close: Callable[[], None] = lambda: None
 
 
 def of_tests(module: str) -> Any:
