@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap import GridGeometry, OccupancyLayer
+from hypermap import GridGeometry, OccupancyLayer, ValueLayer
 from hypermap.core.samples import Samples
 from hypermap.simulation import built_in_world
-from hypermap.values import FieldSettings, LiveField, Method, interpolate
+from hypermap.values import FieldSettings, LiveField, Method, interpolate, value_layer_of
+from hypermap.values.growing import GrowingLayer
 from suite.fields import FIELDS, Field
 from suite.race import Figure, Row, Settings, library
 
@@ -54,6 +55,8 @@ def rows(settings: Settings) -> Iterator[Row]:
             world = built_in_world(name)
             found = [_errors(make(world, seed)) for seed in range(seeds)]
             yield from _figures(f"{quantity}, {name}", found, settings.quick)
+    for name in WORLDS[:1] if settings.quick else WORLDS:
+        yield from _while_driving(name)
     yield _many_samples(settings)
     yield from _one_more_sample(settings)
 
@@ -124,6 +127,36 @@ def _gaussian_process(field: Field) -> _Estimate:
         warnings.simplefilter("ignore")  # a parameter at its bound
         process.fit(field.samples.points_xy, field.samples.values)
     return _Estimate(*process.predict(field.points_xy, return_std=True))  # with the white noise
+
+
+def _while_driving(name: str) -> Iterator[Figure]:
+    """Yield what a layer costs that grows on a drive with a sample each second, and its error."""
+    field = FIELDS["warmth"](built_in_world(name), 0)
+    layer = GrowingLayer("warmth", "map", "warmth", "K")
+    adding, solving = [], []
+    for row, place in enumerate(field.samples.points_xy):
+        sample = Samples.of([place], [field.samples.values[row]], stamps=[float(row)])
+        begin = time.thread_time()
+        layer.add(sample)
+        adding.append(time.thread_time() - begin)
+        if layer.is_due:
+            begin = time.thread_time()
+            layer.solve(field.occupancy)
+            solving.append(time.thread_time() - begin)
+    grown = layer.layer()
+    assert grown is not None
+    whole = value_layer_of("warmth", field.samples, field.occupancy)
+    note = f"{len(adding)} samples; solved anew {len(solving)} times, {max(solving):.2f} s at most"
+    yield Figure(f"live, {name}: a sample", tuple(adding), "s", None, True, note)
+    share = 100 * sum(solving) / len(adding)
+    yield Figure(f"live, {name}: share of a core to solve anew", (share,), "%", None, True)
+    ratio = _error(grown, field) / _error(whole, field)
+    yield Figure(f"live, {name}: error over that of all samples at once", (ratio,), "x", None, True)
+
+
+def _error(layer: ValueLayer, field: Field) -> float:
+    """Return the root mean square error of a layer where it has a value."""
+    return float(np.sqrt(np.nanmean((layer.value_at(field.points_xy) - field.values) ** 2)))
 
 
 def _many_samples(settings: Settings) -> Figure:

@@ -179,8 +179,8 @@ class _Quantity:
         if found:
             measured = self._measured(found, points)
             if measured.left_out:
-                why = reasons(measured.left_out)
-                self._log.log("warning", (self._source.topic, why), f"{self._source.topic}: {why}")
+                text = f"{self._source.topic}: left out: {reasons(measured.left_out)}"
+                self._log.log("warning", (self._source.topic, "left out"), text)
             self._layer.add(measured.samples)
 
     def solve_if_due(self, live_map: LiveMap) -> None:
