@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from hypermap.recordings import RecordingOptions
     from hypermap.recordings.samples import Measured, ValueSource
 
+_OWN_LAYERS = ("occupancy", "semantic")
+
 Values = Annotated[
     list[str] | None,
     typer.Option(
@@ -129,6 +131,3 @@ def with_values(hypermap: Hypermap, values: dict[str, Measured], until: float) -
         note(printable(layer.summary(), 200))
         hypermap = with_value_layer(hypermap, layer)
     return hypermap
-
-
-_OWN_LAYERS = ("occupancy", "semantic")
