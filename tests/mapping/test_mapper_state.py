@@ -141,3 +141,12 @@ def test_rows_that_are_not_there_are_one_error(content: bytes) -> None:
             wrong = ArrayFile(file.facts, {**file.arrays, name: rows})
             with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
                 parse_state(dump_arrays(wrong, FORMAT, VERSION), CONFIG, "x.hmap")
+
+
+def test_counts_of_evidence_that_is_not_there_take_no_memory(content: bytes) -> None:
+    file = parse_arrays(content, FORMAT, VERSION, "")
+    kept = file.arrays["track.kept"].copy()
+    kept[0] = 1 << 47
+    wrong = ArrayFile(file.facts, {**file.arrays, "track.kept": kept})
+    with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
+        parse_state(dump_arrays(wrong, FORMAT, VERSION), CONFIG, "x.hmap")

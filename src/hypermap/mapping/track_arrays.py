@@ -75,7 +75,7 @@ def unpacked_tables(packed: PackedTables, config: EvidenceConfig) -> list[TrackT
     arrays = packed.arrays
     shapes = PreparedPolygon.all_of(_unpacked_both("track.shape", arrays))
     items = _unpacked_evidence(arrays)
-    own = len(arrays["track.id"]), int(arrays["track.kept"].sum())
+    own = len(arrays["track.id"]), len(arrays["observation.view"])
     tables = []
     for number, facts in enumerate(packed.facts):
         columns = _columns_with(table_prefix(number), arrays)
