@@ -25,6 +25,14 @@ def test_it_shows_how_it_understood_the_question_and_answers(hypermap: Run, room
     assert result.out == "chair 0 at (9.50, 0.50)\nchair 1 at (9.50, 4.50)\n"
 
 
+def test_an_area_may_reach_very_far_and_is_not_spelled_out(hypermap: Run, room_map: Path) -> None:
+    area = {"area": "POLYGON ((9 0, 1e30 0, 1e30 1e30, 9 1e30, 9 0))"}
+    query = {"names": ["chair"], "where": [{"relation": "in", "what": area}]}
+    result = hypermap("ask", room_map, json.dumps(query))
+    assert result.err == "asked: which objects\nwhat: chair\nwhere: in the given area\n"
+    assert result.out == "chair 0 at (9.50, 0.50)\nchair 1 at (9.50, 4.50)\n"
+
+
 @pytest.mark.parametrize(
     ("question", "answer"),
     [

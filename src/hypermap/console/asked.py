@@ -120,6 +120,8 @@ def _reference(reference: Reference) -> str:
         return rooms if rooms.startswith("room ") else f"room {rooms}"
     if reference.point_xy is not None:
         return "({:g}, {:g})".format(*reference.point_xy)
+    if reference.area is not None:
+        return "the given area"
     if reference.is_asker:
         return "you"
     names = " or ".join(reference.names)

@@ -361,7 +361,6 @@ def _check_area(text: str) -> None:
         raise ValueError(f"the area is not WKT: {error}") from None
     if area.area == 0 or not area.is_valid:
         raise ValueError("the area is empty, or its outline crosses itself")
-    _check_near("the area", area.bounds)
 
 
 def _check_near(what: str, meters: Iterable[float]) -> None:
