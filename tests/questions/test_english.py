@@ -94,7 +94,7 @@ def test_marks_of_times_cannot_be_typed() -> None:
 
 def test_what_is_not_understood_names_questions_that_are() -> None:
     with pytest.raises(NotUnderstood) as error:
-        understand("how far is the nearest printer by helicopter", VOCABULARY)
+        understand("how far is the nearest printer by teleportation", VOCABULARY)
     assert "how far is the printer from the door?" in error.value.nearest
 
 

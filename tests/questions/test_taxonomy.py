@@ -9,6 +9,8 @@ import pytest
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.perception.detectors.labels import COCO
 from hypermap.questions import load_taxonomy
+from hypermap.questions.words import Vocabulary, is_reserved
+from hypermap.rooms.kinds import load_kinds
 
 
 @pytest.mark.parametrize(
@@ -36,13 +38,64 @@ def test_all_classes_of_coco_are_known() -> None:
     assert [name for name in COCO if taxonomy.usual_name(name) is None] == []
 
 
+# The 150 names of the scenes of ADE20K.
+ADE20K = """
+wall, building, sky, floor, tree, ceiling, road, bed, windowpane, grass, cabinet, sidewalk,
+person, earth, door, table, mountain, plant, curtain, chair, car, water, painting, sofa, shelf,
+house, sea, mirror, rug, field, armchair, seat, fence, desk, rock, wardrobe, lamp, bathtub,
+railing, cushion, base, box, column, signboard, chest of drawers, counter, sand, sink, skyscraper,
+fireplace, refrigerator, grandstand, path, stairs, runway, case, pool table, pillow, screen door,
+stairway, river, bridge, bookcase, blind, coffee table, toilet, flower, book, hill, bench,
+countertop, stove, palm, kitchen island, computer, swivel chair, boat, bar, arcade machine, hovel,
+bus, towel, light, truck, tower, chandelier, awning, streetlight, booth, television, airplane,
+dirt track, apparel, pole, land, bannister, escalator, ottoman, bottle, buffet, poster, stage,
+van, ship, fountain, conveyer belt, canopy, washer, plaything, swimming pool, stool, barrel,
+basket, waterfall, tent, bag, minibike, cradle, oven, ball, food, step, tank, trade name,
+microwave, pot, animal, bicycle, lake, dishwasher, screen, blanket, sculpture, hood, sconce, vase,
+traffic light, tray, ashcan, fan, pier, crt screen, plate, monitor, bulletin board, shower,
+radiator, glass, clock, flag
+"""
+
+
+def test_all_classes_of_ade20k_are_known_but_what_is_no_object() -> None:
+    names = [" ".join(name.split()) for name in ADE20K.split(",")]
+    taxonomy = load_taxonomy()
+    assert len(names) == 150
+    unknown = [name for name in names if taxonomy.usual_name(name) is None]
+    assert unknown == ["wall", "floor", "ceiling"]
+
+
+def test_no_name_has_two_meanings_but_glasses() -> None:
+    vocabulary = Vocabulary(load_taxonomy(), kinds=tuple(load_kinds().votes))
+    several = {name for name, meanings in vocabulary.phrases.items() if len(meanings) > 1}
+    assert several == {"glasses"}
+
+
+def test_no_name_is_a_keyword() -> None:
+    taxonomy = load_taxonomy()
+    kept = ("everything", "robot")  # are keywords at the begin of a question, and things
+    names = {*taxonomy.usual, *taxonomy.plurals}
+    assert [name for name in sorted(names) if is_reserved(name) and name not in kept] == []
+
+
+def test_a_room_may_be_called_like_a_part_of_a_building() -> None:
+    rooms, things = ("Balcony",), ("balcony",)
+    (meaning,) = Vocabulary(load_taxonomy(), rooms=rooms).phrases["balcony"]
+    assert meaning == ("ROOM_NAME", "Balcony")
+    assert len(Vocabulary(load_taxonomy(), things, rooms).phrases["balcony"]) == 2
+
+
 def test_a_file_of_the_user_adds_and_replaces(tmp_path: Path) -> None:
     file = tmp_path / "ours.yaml"
-    file.write_text("espresso cup: {is: cup, also: [tiny cup], plural: [espresso cups]}\nmug:\n")
+    file.write_text(
+        "espresso cup: {is: cup, also: [tiny cup], plural: [espresso cups]}\nmug:\n"
+        "lab thing: {includes: [pipette, fume-cupboard]}\n"
+    )
     taxonomy = load_taxonomy(file)
     names = ["espresso_cup", "mug"]
     assert taxonomy.matching("cup", names) == ["espresso_cup"]
     assert taxonomy.matching("tiny cups", names) == ["espresso_cup"]
+    assert taxonomy.matching("lab things", ["Fume_Cupboard", "cup"]) == ["Fume_Cupboard"]
     assert load_taxonomy().matching("cup", names) == ["mug"]  # ours is as it was
 
 
@@ -51,8 +104,11 @@ def test_a_file_of_the_user_adds_and_replaces(tmp_path: Path) -> None:
     [
         ("- cup", "expected names of things"),
         ("cup: [1", "not a taxonomy"),
-        ("cup: {was: mug}", "cup: expected a mapping with `is`, `also` and `plural`"),
-        ("cup: {also: mug}", "cup: `is` is a name; `also` and `plural` are lists"),
+        ("cup: {was: mug}", "cup: expected a mapping with `is`, `also`, `plural` and `includes`"),
+        ("cup: {also: mug}", "cup: `also` is a list of names"),
+        ("cup: {includes: [1]}", "cup: `includes` is a list of names"),
+        ("cup: {is: [mug]}", "cup: `is` is a name"),
+        ("cup: {includes: [mug]}\nmug:", "cup: includes 'mug', which is there already"),
         ("cup: {is: vessel}", "cup: its kind 'vessel' is not in the taxonomy"),
         ("a: {is: b}\nb: {is: a}", "a: is of its own kind, by way of 'a'"),
     ],

@@ -13,6 +13,7 @@ from hypermap.core.errors import FileMissing, FormatError
 OURS = Path(__file__).with_name("taxonomy.yaml")
 
 EVERYTHING = "thing"  # the kind of all things
+_LISTS = ("also", "plural", "includes")
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,12 @@ class Taxonomy:
 
 
 def as_key(name: str) -> str:
-    """Return a name as it is compared: in lower case, with single blanks, as "dining table"."""
-    return " ".join(name.lower().replace("_", " ").split())
+    """Return a name as it is compared: in lower case, with single blanks, as "dining table".
+
+    >>> as_key("First-aid_kit")
+    'first aid kit'
+    """
+    return " ".join(name.lower().replace("_", " ").replace("-", " ").split())
 
 
 def load_taxonomy(path: str | Path | None = None) -> Taxonomy:
@@ -82,7 +87,8 @@ def load_taxonomy(path: str | Path | None = None) -> Taxonomy:
 
     Args:
         path: a YAML file like `taxonomy.yaml`: for each name a mapping with `is` (its kind), `also`
-            (other names) and `plural`. It adds to ours, and replaces the entries it repeats.
+            (other names), `plural`, and `includes` (names of things of that kind). It adds to ours,
+            and replaces the entries it repeats.
 
     Raises:
         FileMissing: If there is no such file.
@@ -111,22 +117,37 @@ def _entries(path: Path) -> dict[str, dict[str, Any]]:
         raise FormatError(f"{path}: not a taxonomy: {reason}") from None
     if not isinstance(parsed, dict) or not all(isinstance(name, str) for name in parsed):
         raise FormatError(f"{path}: expected names of things, each with `is`, `also` or `plural`")
-    return {as_key(name): _entry(path, name, values) for name, values in parsed.items()}
+    entries = {as_key(name): _entry(path, name, values) for name, values in parsed.items()}
+    return entries | _included(path, entries)
+
+
+def _included(path: Path, entries: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return the entries of things that their kinds include."""
+    included: dict[str, dict[str, Any]] = {}
+    for kind, entry in entries.items():
+        for name in entry["includes"]:
+            if name in entries or name in included:
+                raise FormatError(f"{path}: {kind}: includes {name!r}, which is there already")
+            included[name] = {"is": kind, "also": [], "plural": [], "includes": []}
+    return included
 
 
 def _entry(path: Path, name: str, values: Any) -> dict[str, Any]:
     values = {} if values is None else values
-    if not isinstance(values, dict) or set(values) - {"is", "also", "plural"}:
-        raise FormatError(f"{path}: {name}: expected a mapping with `is`, `also` and `plural`")
-    kind, also, plural = values.get("is"), values.get("also", []), values.get("plural", [])
-    plural = [plural] if isinstance(plural, str) else plural
-    lists = isinstance(also, list) and isinstance(plural, list)
-    if not (kind is None or isinstance(kind, str)) or not lists:
-        raise FormatError(f"{path}: {name}: `is` is a name; `also` and `plural` are lists of names")
-    if not all(isinstance(one, str) for one in [*also, *plural]):
-        raise FormatError(f"{path}: {name}: `also` and `plural` hold names")
-    kind = None if kind is None else as_key(kind)
-    return {"is": kind, "also": [*map(as_key, also)], "plural": [*map(as_key, plural)]}
+    if not isinstance(values, dict) or set(values) - {"is", *_LISTS}:
+        raise FormatError(
+            f"{path}: {name}: expected a mapping with `is`, `also`, `plural` and `includes`"
+        )
+    kind, lists = values.get("is"), {key: values.get(key, []) for key in _LISTS}
+    if isinstance(lists["plural"], str):
+        lists["plural"] = [lists["plural"]]
+    if not (kind is None or isinstance(kind, str)):
+        raise FormatError(f"{path}: {name}: `is` is a name")
+    for key, names in lists.items():
+        if not isinstance(names, list) or not all(isinstance(one, str) for one in names):
+            raise FormatError(f"{path}: {name}: `{key}` is a list of names")
+    keys = {key: [*map(as_key, names)] for key, names in lists.items()}
+    return {"is": None if kind is None else as_key(kind), **keys}
 
 
 def _of_entries(entries: Mapping[str, Mapping[str, Any]], path: str | Path) -> Taxonomy:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 from lark import Token
 
-from hypermap.questions.taxonomy import Taxonomy, as_key
+from hypermap.questions.taxonomy import Taxonomy, as_key, load_taxonomy
 
 TIME_MARKS = "".join(map(chr, range(0xE000, 0xE008)))
 """Characters for private use, which stand for the times in a question."""
@@ -166,6 +167,7 @@ _DROPPED = (
     "|does the house|does this house|does the building"
     "|does this building|does the map|does the flat|does this floor|in the flat"
     "|in this house|in this flat|of them|have to be|one that|other|whole|entire|it|this"
+    "|on this floor|in our house|in my house|in our building|in our flat|in my flat"
     "|me know|let me know|stored|still|in them|in there"
 )
 _NUMBER_WORDS = (
@@ -218,6 +220,8 @@ _NUMBER = r"\d+(?:\.\d+)?"
 _POINT = rf"(?:\(\s*)?-?{_NUMBER}\s*,\s*-?{_NUMBER}\s*\)?"
 _PIECES = re.compile(rf'"[^"]*"|{_POINT}|{_NUMBER}|[^\W\d]+(?:[\'_-][^\W\d]+)*|\S')
 _LONGEST = 7  # words of a phrase
+_PLACES = ("structure", "outdoor thing")  # kinds of things, of which a room may have the name
+_ASKED_TO = ("can you", "could you", "would you", "will you")
 _ALSO_ROOMS = {
     "hallway": "corridor",
     "hall": "corridor",
@@ -245,27 +249,28 @@ class Vocabulary:
     objects: tuple[str, ...] = ()
     rooms: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
-    phrases: Mapping[str, list[tuple[str, str]]] = field(init=False)
+    phrases: Mapping[str, tuple[tuple[str, str], ...]] = field(init=False)
 
     def __post_init__(self) -> None:
-        phrases: dict[str, list[tuple[str, str]]] = {}
+        phrases = dict(_phrases_of(self.taxonomy))
 
         def add(phrase: str, token: str, value: str) -> None:
-            meanings = phrases.setdefault(phrase, [])
+            meanings = phrases.get(phrase, ())
             if (token, value) not in meanings:
-                meanings.append((token, value))
+                phrases[phrase] = (*meanings, (token, value))
 
-        for names in (self.taxonomy.plurals, self.taxonomy.usual):
-            for name, usual in names.items():
-                add(name, "THING", usual)
         for name in self.objects:
             known = self.taxonomy.usual_name(name)
             for form in (as_key(name), f"{as_key(name)}s"):
-                if known is None and form not in phrases and not _is_reserved(form):
+                if known is None and form not in phrases and not is_reserved(form):
                     add(form, "THING", name)
+        in_use = {self.taxonomy.usual_name(name) for name in self.objects}
         for name in self.rooms:
-            if not _is_reserved(as_key(name)):  # a room may be called "room"
-                add(as_key(name), "ROOM_NAME", name)
+            key = as_key(name)
+            if self._is_place(key) and self.taxonomy.usual_name(key) not in in_use:
+                del phrases[key]  # a room called "balcony", and no thing
+            if not is_reserved(key):  # a room may be called "room"
+                add(key, "ROOM_NAME", name)
         own = {as_key(name) for name in self.rooms}
         names = {kind: kind for kind in self.kinds}
         names |= {f"{kind} room": kind for kind in self.kinds if not kind.endswith("room")}
@@ -275,8 +280,32 @@ class Vocabulary:
                 add(form, "ROOM_NAME", kind)
         object.__setattr__(self, "phrases", phrases)
 
+    def _is_place(self, name: str) -> bool:
+        """Return whether a name is of a part of a building, or of something outdoors."""
+        usual = self.taxonomy.usual_name(name)
+        return usual is not None and any(self.taxonomy.is_a(usual, kind) for kind in _PLACES)
 
-def _is_reserved(phrase: str) -> bool:
+
+def _phrases_of(taxonomy: Taxonomy) -> Mapping[str, tuple[tuple[str, str], ...]]:
+    """Return what the names of a taxonomy mean; found once for ours, as it is the same always."""
+    return _ours() if taxonomy is load_taxonomy() else _all_phrases(taxonomy)
+
+
+@cache
+def _ours() -> Mapping[str, tuple[tuple[str, str], ...]]:
+    return _all_phrases(load_taxonomy())
+
+
+def _all_phrases(taxonomy: Taxonomy) -> Mapping[str, tuple[tuple[str, str], ...]]:
+    phrases: dict[str, tuple[tuple[str, str], ...]] = {}
+    for names in (taxonomy.plurals, taxonomy.usual):
+        for name, usual in names.items():
+            if ("THING", usual) not in phrases.get(name, ()):
+                phrases[name] = (*phrases.get(name, ()), ("THING", usual))
+    return phrases
+
+
+def is_reserved(phrase: str) -> bool:
     """Return whether all words of a phrase are keywords, units or numbers, or without a letter."""
     return all(
         not any(map(str.isalpha, word))
@@ -293,7 +322,7 @@ def tokens_of(text: str, vocabulary: Vocabulary) -> list[Token]:
     for short, long in _CONTRACTED.items():
         text = re.sub(rf"\b{short}\b", long, text.replace("’", "'"), flags=re.IGNORECASE)
     pieces = [piece for piece in _PIECES.findall(text) if re.match(rf'[\w"(,{TIME_MARKS}-]', piece)]
-    words = [as_key(piece).replace("-", " ") if piece[0].isalpha() else piece for piece in pieces]
+    words = [as_key(piece) if piece[0].isalpha() else piece for piece in pieces]
     tokens: list[Token] = []
     at = 0
     while at < len(words):
@@ -334,6 +363,9 @@ def _next(words: list[str], at: int, vocabulary: Vocabulary) -> tuple[Token | No
             return Token("NUMBER", str(_PARTS[phrase])), length
         if phrase in _PHRASES:
             token = _PHRASES[phrase]
+            after = words[at + length] if at + length < len(words) else ""
+            if phrase in _ASKED_TO and after in vocabulary.phrases:  # "can you drill"
+                return Token("UNKNOWN", after), length + 1
             if token == "TAG":
                 return _tag(words, at, length), length + 1
             return _keyword(token, phrase, words[at + length :]), length
@@ -375,7 +407,7 @@ def _keyword(token: str, phrase: str, rest: list[str]) -> Token | None:
 
 
 def _noun(
-    words: list[str], at: int, length: int, meanings: list[tuple[str, str]]
+    words: list[str], at: int, length: int, meanings: Sequence[tuple[str, str]]
 ) -> tuple[Token, int]:
     """Return the token of a thing or room, with the number after it, as of "chair 14".
 
