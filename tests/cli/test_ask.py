@@ -99,7 +99,7 @@ def test_what_cannot_be_answered_is_one_error(
 
 
 def test_what_was_not_understood_names_questions_that_are(hypermap: Run, room_map: Path) -> None:
-    result = hypermap("ask", room_map, "how far is the printer by helicopter")
+    result = hypermap("ask", room_map, "how far is the printer by teleportation")
     assert result.code == 2
     assert "you can ask: how far is the printer from the door?" in result.err
 
