@@ -152,6 +152,8 @@ class Finder:
         for condition in where:
             if condition.negated or condition.relation in ("beyond", "visible from", "with"):
                 continue
+            if condition.relation == "in" and condition.reference.is_asker:
+                return shapely.buffer(self.room_of_asker.outline, _IN_SIGHT)
             if condition.relation == "in" and self._rooms_meant(condition.reference):
                 continue
             shapes = self.others(condition.reference).shapes

@@ -140,9 +140,12 @@ def rooms_of_points(rooms: Rooms, points_xy: FloatArray) -> IntArray:
     found = np.full(len(points_xy), -1, dtype=np.int64)
     if len(points_xy) and len(rooms):
         tree = shapely.STRtree([room.outline for room in rooms])
-        points = shapely.points(points_xy)
-        which, nearest = tree.query_nearest(points, max_distance=_IN_THE_WALL, all_matches=False)
-        found[which] = nearest
+        points: ObjectArray = np.asarray(shapely.points(points_xy))
+        which, room = tree.query(points, predicate="intersects")  # much faster than the nearest
+        found[which] = room
+        rest = np.flatnonzero(found < 0)
+        which, room = tree.query_nearest(points[rest], max_distance=_IN_THE_WALL, all_matches=False)
+        found[rest[which]] = room
     return found
 
 
