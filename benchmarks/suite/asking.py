@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -30,7 +31,10 @@ QUESTIONS = (
     "which chairs are within 2 m of me?",
     "which chairs are within 1 m of a table?",
     "what is new since 2026-11-20?",
+    "which room has the most chairs?",
+    "what is in this room?",
 )
+ROOMS = 10  # along each side
 ASKED, ASKED_BEYOND = 50.0, 20.0  # [ms] for a question, and for a tool's call beyond it
 
 
@@ -80,7 +84,15 @@ def _floor(count: int) -> tuple[Hypermap, float]:
         SemanticObject(NAMES[name], box, existence=3.0, first_seen=seen, last_seen=seen + 3600)
         for name, box, seen in zip(names.tolist(), boxes, first.tolist(), strict=True)
     ]
-    return Hypermap([SemanticLayer("semantic", "map", things)]), side
+    edges = np.linspace(0, side, ROOMS + 1)
+    outlines = [
+        shapely.box(x0, y0, x1, y1)
+        for x0, x1 in itertools.pairwise(edges)
+        for y0, y1 in itertools.pairwise(edges)
+    ]
+    rooms = [SemanticObject(f"office {number}", box) for number, box in enumerate(outlines)]
+    layers = [SemanticLayer("semantic", "map", things), SemanticLayer("rooms", "map", rooms)]
+    return Hypermap(layers), side
 
 
 def _tools(file: Path) -> tuple[Looking, list[Tool]]:
