@@ -1,6 +1,7 @@
-"""The console of the map server, for the shell of the command line and for nodes.
+"""Queries as text: the map server's console, `hypermap shell`, and the options of `hypermap query`.
 
-`commands` takes a line of text and returns the answer; it knows no terminal. `prompt` brings what
-someone types at a terminal, and `completion` what the Tab key offers there. `questions` answers
-those of `hypermap query`, here and there; `options` is how they are spelled.
+`options` lists the options of a query, `questions` turns them into a `Query` and its answer into
+rows, and `answer` shows the rows; the command `query` uses these three alone. `commands` takes a
+line of text and returns the answer as text, without a terminal. `prompt` reads lines from a
+terminal, and `completion` is what the Tab key offers there.
 """

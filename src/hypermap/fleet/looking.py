@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from hypermap.core.errors import HypermapError
-from hypermap.mapping.perceived import Found, Perceived, Perceiver, no_detections
+from hypermap.mapping.perceived import FrameDetections, Perceived, Perceiver, no_detections
 from hypermap.mapping.stages import OccupancyConfig
 from hypermap.mapping.usable import why_unusable
 from hypermap.perception.config import PerceptionConfig
@@ -56,7 +56,7 @@ class Looked:
     frame: RgbdFrame | None = None
     error: HypermapError | None = None
     is_usable: bool = False
-    found: Found | None = None
+    found: FrameDetections | None = None
     perceived: Perceived | None = None
     warnings: tuple[str, ...] = ()
 

@@ -1,4 +1,4 @@
-"""Reads and writes maps."""
+"""Reads and writes maps: `open_map` and `save_map`, in `hmap`, and one module per file format."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -1,4 +1,4 @@
-"""The files of a map: in memory (the members of an archive) or in a folder."""
+"""A `Store`, the files of a map: in memory (the members of an archive) or in a folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Observations become layers."""
+"""Turns frames into maps. `Mapper` is one map in the making; `map_recording` maps a recording."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -1,4 +1,4 @@
-"""Columns of a table that grows and shrinks."""
+"""Arrays that grow and shrink by rows: the columns of the table of tracks."""
 
 from __future__ import annotations
 

@@ -83,14 +83,14 @@ class EvidenceMap:
         before, ignored = self._tracks.copy(), self.ignored
         self._touched.clear()
         try:
-            self._learn(observation)
+            self._add_frame(observation)
         except BaseException:  # for example, out of memory
             self._tracks, self.ignored = before, ignored
             for track, was in self._touched.values():
                 track.become(was)
             raise
 
-    def _learn(self, observation: Observation) -> None:
+    def _add_frame(self, observation: Observation) -> None:
         self._observed.clear()
         self.shown = []
         found = evidence_from(observation, self.config.abstain)

@@ -125,7 +125,7 @@ class Mapper:
         self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
         self.embedder: Embedder | None = None
-        self.perceive: Perceive = _now
+        self.perceive: Perceive = _perceive_now
         self._source = source or no_detections
         self._has_objects = self._looks_for_objects = source is not None
         self.keyframes = KeyframeSelector(config.keyframes)
@@ -138,7 +138,7 @@ class Mapper:
         self._earlier = EarlierDrives()
         self._counts_before = Counts()
         self._base = Hypermap()  # with which the map began
-        self._log = FrameLog()
+        self._frame_log = FrameLog()
         self._is_corrected = False
 
     @classmethod
@@ -188,9 +188,9 @@ class Mapper:
         mapper._earlier = EarlierDrives(tuple(state.drives))
         mapper._counts_before = state.counts
         mapper._base = hypermap
-        mapper._log = FrameLog(state.log)
+        mapper._frame_log = FrameLog(state.log)
         if state.drives and state.drives[-1].name != drive:
-            mapper._log.end_drive()
+            mapper._frame_log.end_drive()
         return mapper
 
     def embed_with(self, embedder: Embedder | None) -> None:
@@ -238,8 +238,8 @@ class Mapper:
             raise BadFrame(str(error)) from error
         self._count_surplus(frame, perceived)
         observation = perceived.observation
-        if self._log.is_full:
-            self._log.begin_part(self._map_before())
+        if self._frame_log.is_full:
+            self._frame_log.begin_part(self._map_before())
         change: Callable[[], None] | None = None
         if self.makes_occupancy:
             try:
@@ -254,7 +254,7 @@ class Mapper:
             change()
         self._drive.add(recorded)
         logged = packed_frame(LoggedFrame(observation, perceived.cells, self._looks_for_objects))
-        self._log.add(frame.stamp, logged, frame.map_T_camera)
+        self._frame_log.add(frame.stamp, logged, frame.map_T_camera)
         self._count(used=1)
         if self._looks_for_objects and self.config.pictures.enabled:
             keep_pictures(frame, perceived.detections, self.evidence, self.config.pictures)
@@ -308,14 +308,14 @@ class Mapper:
                 that could be mapped again; the map stays as it was.
         """
         drives = self._drives()
-        poses, is_moved = corrected_poses(self._log, drives, trajectory, is_under_way)
-        correction = Correction.of(self._log, drives, poses, is_moved, is_under_way)
+        poses, is_moved = corrected_poses(self._frame_log, drives, trajectory, is_under_way)
+        correction = Correction.of(self._frame_log, drives, poses, is_moved, is_under_way)
         if correction.most <= least:
             return None
         made = map_again(
-            self._log, poses, self.evidence, self.config, self.evidence.is_free, on_progress
+            self._frame_log, poses, self.evidence, self.config, self.evidence.is_free, on_progress
         )
-        self.evidence, self._occupancy, self._log = made.evidence, made.occupancy, made.log
+        self.evidence, self._occupancy, self._frame_log = made.evidence, made.occupancy, made.log
         self.keyframes.go_on_from(poses[-1])
         self._base = with_moved_samples(self._base, correction.motions(), self.occupancy())
         self._is_corrected = True
@@ -327,7 +327,7 @@ class Mapper:
         Returns:
             Shapes (N,) and (N, 4, 4).
         """
-        return self._log.stamps, self._log.poses
+        return self._frame_log.stamps, self._frame_log.poses
 
     @property
     def corrects_poses(self) -> bool:
@@ -386,7 +386,7 @@ class Mapper:
             counts=self._counts_before + self.counts,
             published=published,
             alignment=None if self._aligner is None else self._aligner.learned,
-            log=FrameLog(self._log.parts).parts,
+            log=FrameLog(self._frame_log.parts).parts,
         )
 
     def _map_before(self) -> MapBefore:
@@ -471,5 +471,5 @@ class Mapper:
         self.counts += Counts(**fates)
 
 
-def _now(frame: RgbdFrame, perceiver: Perceiver) -> Perceived:
+def _perceive_now(frame: RgbdFrame, perceiver: Perceiver) -> Perceived:
     return perceiver(frame)

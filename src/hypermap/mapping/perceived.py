@@ -1,4 +1,4 @@
-"""What one frame shows by itself: everything that does not depend on the frames before it."""
+"""From one frame to its detections, its observation and its cells, without the frames before it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hypermap.perception.observe import observe, usable_detections
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FrameDetections:
     """The detections of one frame, whatever its pose.
 
     Attributes:
@@ -32,7 +32,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Perceived(Found):
+class Perceived(FrameDetections):
     """What one frame shows.
 
     Attributes:
@@ -68,7 +68,7 @@ class Perceiver:
         """
         return self.perceived(frame, self.found(frame))
 
-    def found(self, frame: RgbdFrame) -> Found:
+    def found(self, frame: RgbdFrame) -> FrameDetections:
         """Return the detections of a frame.
 
         Raises:
@@ -84,9 +84,9 @@ class Perceiver:
             )
         usable = usable_detections(found, self.perception)
         surplus = np.count_nonzero(found.scores >= self.perception.min_score) - len(usable)
-        return Found(usable, int(surplus))
+        return FrameDetections(usable, int(surplus))
 
-    def perceived(self, frame: RgbdFrame, found: Found) -> Perceived:
+    def perceived(self, frame: RgbdFrame, found: FrameDetections) -> Perceived:
         """Return what a frame with these detections shows from its pose."""
         # Only observers need the segments, which refer to the usable detections.
         observation = observe(

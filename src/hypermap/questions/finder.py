@@ -90,7 +90,7 @@ class Finder:
         """
         if not all(one.negated or one.relation == "beyond" or self._is_there(one) for one in where):
             return Matches.of_shapes(as_objects([]))
-        found = self._called(names, self._reached(where), layers)
+        found = self._called(names, self._search_area(where), layers)
         if not self._exact and not any(each.name == ROOMS for each in layers or ()):
             found = found.take(~found.are_of(ROOMS))
         only_rooms = bool(layers) and all(each.name == ROOMS for each in layers or ())
@@ -144,7 +144,7 @@ class Finder:
         references = [condition.reference, *([condition.other] if condition.other else [])]
         return all(len(self.others(reference)) > 0 for reference in references)
 
-    def _reached(self, where: Iterable[Condition]) -> BaseGeometry | None:
+    def _search_area(self, where: Iterable[Condition]) -> BaseGeometry | None:
         """Return an area outside of which no object meets conditions; None where it is not known.
 
         This is for speed alone: so few objects are looked at where a question is about few places.

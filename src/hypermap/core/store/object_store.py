@@ -19,7 +19,9 @@ from hypermap.core.store.snapshot import Snapshot
 
 @dataclass(frozen=True, eq=False)
 class ObjectStore(Snapshot):
-    """The objects of a semantic layer at one moment; immutable, a change makes a new one.
+    """The objects of a semantic layer at one moment: a `Snapshot` of their change log with queries.
+
+    Immutable: a change makes a new one.
 
     Queries return rows, -1 for none; `column` and `object` return what they contain. A row is valid
     for one store only.

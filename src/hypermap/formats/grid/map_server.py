@@ -1,4 +1,4 @@
-"""Occupancy maps of ROS' map_server: a YAML file next to an image.
+"""The plug-in of occupancy layers: maps of ROS' map_server, a YAML file next to an image.
 
 The specification is docs/formats/hmap.md. Only this module knows that row 0 of a picture is the
 top of the map.

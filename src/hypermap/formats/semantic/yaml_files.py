@@ -1,4 +1,4 @@
-"""Semantic layers as YAML: a list of named shapes, compatible with the first program.
+"""The plug-in of semantic layers, and their YAML: named shapes, compatible with the first program.
 
 The specification is docs/formats/semantic.md. One broken entry does not spoil the others: it is
 reported, kept, and written back at the end of the file, since old readers stop at the first one.
