@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import threading
 
-from hypermap.core.errors import HypermapError
 from hypermap.exploration import Explorer, Sensor
 from hypermap.paths import PathSettings
 from hypermap.ros.mapper.live_map import LiveMap
+from hypermap.ros.mapper.repeating import Repeating
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.messages.exploration_messages import exploration_markers, pose_array
 from hypermap.ros.port import Port
@@ -36,31 +35,18 @@ class LiveExploration:
         self._robot = PathSettings(settings.robot_radius, unknown_is_free=settings.through_unknown)
         self._sensor = Sensor(settings.sensor_range, settings.sensor_min_range, settings.sensor_fov)
         self._looked = (-1, (math.inf, math.inf))  # at which revision of the map, and where
-        self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="frontiers", daemon=True)
-        self._thread.start()
+        every = settings.frontiers_every
+        self._repeating = Repeating("frontiers", self._look, every, log, "no frontiers")
 
     def close(self) -> None:
         """Publish no more."""
-        self._ends.set()
-        self._thread.join()
+        self._repeating.close()
         for publisher in (self._markers, self._frontiers, self._views):
             publisher.close()
 
-    def _work(self) -> None:
-        # The wall's clock: that of a simulator or a bag may stand still.
-        while not self._ends.wait(self._settings.frontiers_every):
-            if not (self._markers.listeners or self._frontiers.listeners or self._views.listeners):
-                continue
-            try:
-                self._look()
-            except HypermapError as error:
-                self._log.log("warning", "frontiers", f"no frontiers: {error}")
-            except Exception as error:  # one look must not end the others
-                kind = type(error).__name__
-                self._log.log("error", "frontiers", f"frontiers failed: {kind}: {error}")
-
     def _look(self) -> None:
+        if not (self._markers.listeners or self._frontiers.listeners or self._views.listeners):
+            return
         revision = self._map.revision
         if revision == 0:  # nothing is mapped yet
             return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -20,6 +19,7 @@ from hypermap.recordings.samples.fields import Reading, reading_of
 from hypermap.recordings.samples.measured import Measured, checked, reasons
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.outputs import OnDemand
+from hypermap.ros.mapper.repeating import Repeating
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.port import Closable, Message, Port
 from hypermap.ros.server.layer_topics import Kind, kinds_of
@@ -50,33 +50,22 @@ class LiveValues:
         self._untyped = [ValueSource.parse(text) for text in settings.values]
         self._next_look = self._next_publish = 0.0
         self._quantities: list[_Quantity] = []
-        self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="values", daemon=True)
+        self._repeating: Repeating | None = None
         if self._untyped:
             names = ", ".join(source.topic for source in self._untyped)
             port.log("info", f"waiting for samples on {names}")
-            self._thread.start()
+            self._repeating = Repeating("values", self._look, _PERIOD, log, "a sample failed")
 
     def close(self) -> None:
         """Take in what has come, and make the layers of all samples and the map at the end."""
-        self._ends.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        if self._repeating is not None:
+            self._repeating.close()
         for quantity in self._quantities:
             quantity.close(self._map)
 
-    def _work(self) -> None:
-        # The wall's clock: that of a simulator or a bag may stand still.
-        while not self._ends.wait(_PERIOD):
-            now = time.monotonic()
-            try:
-                self._look(now)
-            except Exception as error:  # one sample must not end the others
-                kind = type(error).__name__
-                self._log.log("error", kind, f"a sample failed: {kind}: {error}")
-
-    def _look(self, now: float) -> None:
-        """Do what there is to do at a time [s]."""
+    def _look(self) -> None:
+        """Do what there is to do now."""
+        now = time.monotonic()
         if self._untyped and now >= self._next_look:
             self._next_look = now + _LOOK_FOR_TYPES
             self._untyped = [each for each in self._untyped if not self._begin(each)]

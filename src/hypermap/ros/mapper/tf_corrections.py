@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.errors import FrameError, HypermapError
+from hypermap.core.errors import FrameError
 from hypermap.core.trajectory import invert, trajectory_of
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.mapper.live_map import LiveMap
+from hypermap.ros.mapper.repeating import Repeating
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.port import Port
 from hypermap.ros.throttle import Throttle
@@ -30,34 +29,18 @@ class TfCorrections:
     def __init__(
         self, port: Port, settings: LiveSettings, live_map: LiveMap, log: Throttle
     ) -> None:
-        self._port, self._map, self._log = port, live_map, log
+        self._port, self._map = port, live_map
         self._frames = clean_frame(settings.map_frame), clean_frame(settings.odom_frame)
         self._offset = settings.time_offset
         stamps, _ = live_map.logged_poses()  # of an earlier run
         self._newest = float(stamps[-1]) if len(stamps) else -np.inf
         self._begin = np.inf  # stamp of the first frame since the last jump
         self._map_T_odom: NDArray[np.float64] | None = None
-        self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="tf corrections", daemon=True)
-        self._thread.start()
+        self._repeating = Repeating("tf jump", self.look, _PERIOD, log, "poses were not corrected")
 
     def close(self) -> None:
         """Correct no more."""
-        self._ends.set()
-        self._thread.join()
-
-    def _work(self) -> None:
-        while not self._ends.wait(_PERIOD):
-            self._try_to_look()
-
-    def _try_to_look(self) -> None:
-        try:
-            self.look()
-        except HypermapError as error:
-            self._log.log("warning", "tf jump", f"poses were not corrected: {error}")
-        except Exception as error:  # one jump must not end the others
-            kind = type(error).__name__
-            self._log.log("error", "tf jump", f"poses were not corrected: {kind}: {error}")
+        self._repeating.close()
 
     def look(self) -> None:
         """Look where odometry was in the map at each new frame, and correct poses by its jumps."""
