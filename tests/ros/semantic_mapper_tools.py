@@ -18,6 +18,7 @@ from hypermap.mapping import map_recording, profile
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import RgbdFrame
+from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.mapper.statistics import Fate
 from hypermap.ros.parameters import checked
@@ -112,6 +113,12 @@ class Room:
             return True
 
         wait_for(is_known, "the pose of the camera")
+
+    @property
+    def live_map(self) -> LiveMap:
+        live_map = self.node._map
+        assert live_map is not None
+        return live_map
 
     @property
     def totals(self) -> dict[Fate, int]:

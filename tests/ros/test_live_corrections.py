@@ -74,7 +74,7 @@ def test_a_loop_closure_moves_the_map(
     node.show_camera_info(frames[0])
     off = pose_from_rpy(0.4, -0.3, 0, 0, 0, 0.05)
     node.map([frame.moved_to(off @ frame.map_T_camera) for frame in frames])
-    stamps, poses = node.node._map.logged_poses()  # type: ignore[union-attr]
+    stamps, poses = node.live_map.logged_poses()
     before = places(node)
     publisher = rospy.Publisher(
         "/slam/path", message_class("nav_msgs/Path"), queue_size=1, latch=True

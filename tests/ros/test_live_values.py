@@ -70,7 +70,7 @@ def test_samples_become_a_layer_that_moves_with_a_loop_closure(
     for frame in drifted:
         publish["/warm"].publish(reading(frame))
         publish["/warm"].publish(reading(frame))  # too soon after the one before
-    wait_for(lambda: len(node.node._map.values[0]) == len(frames), "all samples")  # type: ignore[union-attr]
+    wait_for(lambda: len(node.live_map.values[0]) == len(frames), "all samples")
     assert node.logged("there is a layer 'temperature' already")
     publish["/odd"].publish("warm")
     wait_for(lambda: node.logged("/odd: --field 'data': is no number"), "what is wrong there")
@@ -88,7 +88,7 @@ def test_samples_become_a_layer_that_moves_with_a_loop_closure(
     np.testing.assert_allclose(layer.samples.values, 32 + 1.8 * (18 + places[:, 0]), atol=1e-6)
     assert (layer.unit, layer.made_by["method"]) == ("°F", "gmrf")
 
-    stamps, poses = node.node._map.logged_poses()  # type: ignore[union-attr]
+    stamps, poses = node.live_map.logged_poses()
     publish["/slam/path"].publish(ros_path(stamps, np.linalg.inv(off) @ poses))
     wait_for(lambda: any("corrected the poses of" in text for _, text in node.lines), "a new map")
     node.node.deactivate()

@@ -177,7 +177,7 @@ def test_a_jump_of_tf_on_a_real_roscore_moves_the_map(
     map_T_odom = invert(off)
     node.camera.show(drive[6])
     wait_for(lambda: node.logged("odom has jumped: corrected the poses of 7 frames"), "a new map")
-    stamps, poses = node.node._map.logged_poses()  # type: ignore[union-attr]
+    stamps, poses = node.live_map.logged_poses()
     true = {frame.stamp: frame.map_T_camera for frame in drive}
     for stamp, pose in list(zip(stamps.tolist(), poses, strict=True))[-2:]:
         assert pose == pytest.approx(true[stamp], abs=1e-6)

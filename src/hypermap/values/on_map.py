@@ -139,13 +139,15 @@ def with_value_layer(hypermap: Hypermap, layer: ValueLayer) -> Hypermap:
 
 def _settings_of(layer: ValueLayer) -> FieldSettings | None:
     """Return the settings of the field that a layer was made by; None for a method without."""
-    known = {key: layer.made_by[key] for key in _SETTINGS if key in layer.made_by}
-    if "length" not in known:
+    made_by = layer.made_by
+    if "length" not in made_by:
         return None
     try:
-        return FieldSettings(**{"deviation": 1.0, "noise": 1.0, **known})  # type: ignore[arg-type]
+        return FieldSettings(
+            float(made_by["length"]),
+            float(made_by.get("deviation", 1.0)),
+            float(made_by.get("noise", 1.0)),
+            float(made_by.get("through_walls", 0.0)),
+        )
     except (TypeError, ValueError):
         return None
-
-
-_SETTINGS = ("length", "deviation", "noise", "through_walls")
