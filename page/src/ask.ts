@@ -231,7 +231,7 @@ export class Ask {
         this.panel.show({ title: text, summary, content: unreadContent(answer) });
         return;
       }
-      const { rows, total } = answer;
+      const { rows, rooms, total } = answer;
       const only = await this.onlyOne(rows);
       if (!isCurrent()) return;
       this.clear(only);
@@ -253,7 +253,8 @@ export class Ask {
         ],
         snippets: answer,
       });
-      if (isNew) this.view.showAny(places);
+      if (rooms.length) this.view.markChosen(rooms);
+      if (isNew) this.view.showAny(places.length ? places : rooms.flatMap(([outline]) => outline));
       if (isNew) this.panel.focus();
       isNew = false;
     });

@@ -213,6 +213,8 @@ export interface WordsAnswer extends Snippets {
   /** The answer in words, as far as the rows do not say it. */
   words: string[];
   rows: FoundRow[];
+  /** Of the rooms that are the answer, in the base frame. */
+  rooms: Polygon[];
   total: number;
 }
 

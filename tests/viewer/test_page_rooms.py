@@ -132,6 +132,17 @@ def test_the_page_tells_in_which_room_an_object_is(window: Window) -> None:
     expect(room).to_have_text("kitchen")
 
 
+@pytest.mark.parametrize("question", ["which room is the cup in?", "where is the kitchen?"])
+def test_a_room_that_is_the_answer_is_marked_on_the_map(window: Window, question: str) -> None:
+    assert not accent_near(window, 0.4, 1.0)
+    window.page.locator("#search").fill(question)
+    window.page.keyboard.press("Enter")
+    expect(window.page.locator("#panel h2")).to_have_text(question)
+    window.wait_until_drawn()
+    assert accent_near(window, 0.4, 1.0)  # the border of the kitchen
+    assert not accent_near(window, 8.6, 1.0)  # that of the office
+
+
 def test_a_click_on_a_room_tells_what_is_behind_its_doors(window: Window) -> None:
     window.ask_at(7.0, 1.5)
     assert window.said("rooms") == "office"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
 from hypermap.console.asked import lines, understood
+from hypermap.core.arrays import as_objects
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.questions.answer import Answer
@@ -13,6 +15,7 @@ from hypermap.questions.asking import answer_to
 from hypermap.viewer.live.object_search import MOST_FOUND, rows_of
 from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import point_in, text_in
+from hypermap.viewer.live.shapes import Polygons, polygons_in_base
 from hypermap.viewer.live.snippets import AskedMap, snippets_for_question
 
 
@@ -48,9 +51,17 @@ def answer_in_words(
         "understood": [list(part) for part in understood(answer.query)],
         "words": _words(hypermap, answer),
         "rows": rows_of(hypermap, found),
+        "rooms": _outlines(answer),
         "total": answer.count,
         **snippets_for_question(asked, question, place),
     }
+
+
+def _outlines(answer: Answer) -> Polygons:
+    """Return the polygons of the rooms that are the answer, in the base frame."""
+    rooms = {room.id: room.outline for room in answer.rooms if room is not None}
+    shapes = polygons_in_base(as_objects([*rooms.values()]), Pose2D(), decimals=None)
+    return list(itertools.chain.from_iterable(shapes))
 
 
 def _words(hypermap: Hypermap, answer: Answer) -> list[str]:
