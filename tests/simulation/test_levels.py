@@ -49,6 +49,12 @@ def test_harsh_is_twice_what_rough_adds_and_both_depend_on_the_sensor() -> None:
     assert errors_of_level("none", "tof").depth == EXACT_DEPTH
 
 
+def test_drift_differs_from_robot_by_its_poses_alone() -> None:
+    drift, robot = errors_of_level("drift"), errors_of_level("robot")
+    assert drift.poses.odometry == 0.01
+    assert replace(drift, poses=robot.poses) == robot
+
+
 def test_an_unknown_level_is_named_with_the_known_ones() -> None:
     with pytest.raises(HypermapError, match=r"no level of errors 'robt'; did you mean 'robot'\?"):
         errors_of_level("robt")

@@ -54,10 +54,32 @@ def test_a_camera_is_mounted_wrong_by_as_much_as_asked() -> None:
     assert np.std([error[0, 3] for error in errors]) > 0.003  # in another direction each time
 
 
+def test_odometry_is_off_by_its_shares_after_ten_meters_and_a_turn() -> None:
+    way = np.column_stack([np.linspace(0, 10, 101), np.zeros((101, 2))])
+    turn = np.column_stack([np.zeros((101, 2)), np.linspace(0, math.tau, 101)])
+    noise = PoseNoise(odometry=0.01, odometry_yaw_deg=0.1, odometry_turn=0.02)
+    ends = np.array([noise.estimate(np.arange(101.0), way, rng(seed))[-1] for seed in range(800)])
+    assert ends[:, 0].std() == pytest.approx(0.1, rel=0.08)
+    assert np.degrees(ends[:, 2].std()) == pytest.approx(1, rel=0.08)
+    turned = [noise.estimate(np.arange(101.0), turn, rng(seed))[-1, 2] for seed in range(800)]
+    assert np.std(turned) == pytest.approx(0.02 * math.tau, rel=0.08)
+
+
+def test_odometry_starts_exactly_and_its_errors_add_up() -> None:
+    there_and_back = np.zeros((401, 3))
+    there_and_back[:, 0] = np.concatenate([np.linspace(0, 20, 201), np.linspace(20, 0, 201)[1:]])
+    noise = PoseNoise(odometry=0.01, odometry_yaw_deg=0.1)
+    made = [noise.estimate(np.arange(401.0), there_and_back, rng(seed)) for seed in range(200)]
+    errors = np.array(made) - there_and_back
+    assert (errors[:, 0] == 0).all()
+    assert errors[:, 400, 2].std() > 1.2 * errors[:, 200, 2].std()
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: PoseNoise(yaw_deg=-1), "yaw_deg must be a number of at least 0, got -1"),
+        (lambda: PoseNoise(odometry=-1), "odometry must be a number of at least 0, got -1"),
         (lambda: PoseNoise(mounting=-1), "mounting must be a number of at least 0, got -1"),
         (lambda: PoseNoise(time_offset=math.inf), "time_offset must be a number of seconds"),
     ],

@@ -11,7 +11,7 @@ from hypermap.simulation.map_noise import MapNoise
 from hypermap.simulation.pose_noise import PoseNoise
 from hypermap.simulation.sensors import sensor_of
 
-LEVELS = ("none", "fair", "robot", "rough", "harsh")
+LEVELS = ("none", "fair", "robot", "drift", "rough", "harsh")
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ class Errors:
 _ROBOT_POSES = PoseNoise(
     position=0.005, yaw_deg=0.2, drift=0.03, drift_yaw_deg=0.8, jump_interval=60.0
 )
+_ODOMETRY_POSES = PoseNoise(odometry=0.01, odometry_yaw_deg=0.1, odometry_turn=0.01)
 _ROBOT_DETECTOR = DetectorNoise(
     miss=0.15,
     flicker=0.03,
@@ -56,8 +57,9 @@ def errors_of_level(name: str, sensor: str = "kinect_v1") -> Errors:
 
     Args:
         name: "none"; "fair", exact poses and a fair detector; "robot", which adds localization that
-            drifts and jumps and a detector that takes walls for trains; "rough", which adds small
-            lasting errors of calibration, surfaces, detector and map; or "harsh", twice these.
+            drifts and jumps and a detector that takes walls for trains; "drift", the same with
+            odometry in place of localization; "rough", which adds to "robot" small lasting errors
+            of calibration, surfaces, detector and map; or "harsh", twice these.
         sensor: the depth camera, a key of `SENSORS`.
 
     Raises:
@@ -70,6 +72,8 @@ def errors_of_level(name: str, sensor: str = "kinect_v1") -> Errors:
         return Errors(EXACT_DEPTH, PoseNoise(), EXACT_DETECTOR)
     if name == "fair":
         return Errors(depth)
+    if name == "drift":
+        return Errors(depth, _ODOMETRY_POSES, _ROBOT_DETECTOR)
     robot = Errors(depth, _ROBOT_POSES, _ROBOT_DETECTOR)
     return robot if name == "robot" else _rougher(robot, 1 if name == "rough" else 2)
 

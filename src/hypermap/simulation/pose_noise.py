@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hypermap.simulation.odometry import drifted
 from hypermap.simulation.ranges import check_not_negative
 
 
@@ -24,6 +25,10 @@ class PoseNoise:
         drift_time: after how many seconds it has mostly changed.
         jump_interval: seconds between jumps to another such error, in the mean, as when a robot
             finds its place again; 0 for no jumps.
+        odometry: standard deviation of the position after 10 m, as a share of that; poses are then
+            counted by odometry, whose errors add up (see `odometry.drifted`).
+        odometry_yaw_deg: likewise of the heading by the way alone [degrees per meter].
+        odometry_turn: likewise of the heading after a full turn, as a share of it.
         time_offset: by how many seconds the poses are older than the images, as where clocks differ
             or images arrive late; may be negative.
         mounting_deg: by how much the camera is turned against how it is thought to be mounted, the
@@ -42,6 +47,9 @@ class PoseNoise:
     drift_yaw_deg: float = 0.0
     drift_time: float = 20.0
     jump_interval: float = 0.0
+    odometry: float = 0.0
+    odometry_yaw_deg: float = 0.0
+    odometry_turn: float = 0.0
     time_offset: float = 0.0
     mounting_deg: float = 0.0
     mounting: float = 0.0
@@ -49,6 +57,7 @@ class PoseNoise:
     def __post_init__(self) -> None:
         check_not_negative(self, "position", "yaw_deg", "drift", "drift_yaw_deg", "drift_time")
         check_not_negative(self, "jump_interval", "mounting_deg", "mounting")
+        check_not_negative(self, "odometry", "odometry_yaw_deg", "odometry_turn")
         if self.drift_time == 0:
             raise ValueError("drift_time must be positive")
         if not math.isfinite(self.time_offset):
@@ -68,6 +77,10 @@ class PoseNoise:
         estimated = poses + rng.normal(size=poses.shape) * sigma
         if self.drift or self.drift_yaw_deg:
             estimated += self._slow_errors(stamps, rng)
+        if self.odometry or self.odometry_yaw_deg or self.odometry_turn:
+            yaw = math.radians(self.odometry_yaw_deg)
+            counted = drifted(poses, self.odometry, yaw, self.odometry_turn, rng)
+            estimated += counted - poses
         return estimated
 
     def mounting_error(self, rng: np.random.Generator) -> NDArray[np.float64]:
