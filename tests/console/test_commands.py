@@ -167,7 +167,7 @@ def test_the_questions_of_query_are_answered(lab, line, answer):
         ("query --id seven", "--value 'seven': expected a number"),
         ("query --at 1", "--at '1': a point is X,Y in meters"),
         ("query --name chair --id 1", "give either --name or --value, not both"),
-        ("query --name chair --layer rooms", "there is no layer 'rooms'"),
+        ("query --name chair --layer rooms", "the map has no rooms"),
         ("help fly", "unknown command 'fly'"),
         ("help query now", "usage: help [COMMAND]"),
     ],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from hypermap.core.hypermap import FoundObject, Hypermap
+from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.questions.answer import Answer
 from hypermap.questions.cells import Cell
 from hypermap.questions.finder import NEXT_TO
@@ -67,7 +67,7 @@ def understood(query: Query) -> list[tuple[str, str]]:
 
 
 def _asked(query: Query) -> str:
-    if query.per is None:
+    if query.per is None and query.layers != (ROOMS,):
         return _GIVES[query.give]
     if query.counts_each_room:
         return "how many objects are in each room"

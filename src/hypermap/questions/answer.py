@@ -17,7 +17,7 @@ from hypermap.core.arrays import IntArray, PointsLike, as_objects
 from hypermap.core.embeddings import TextEncoder
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
-from hypermap.core.hypermap import FoundObject, Hypermap, Matches
+from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap, Matches
 from hypermap.core.layer import Layer
 from hypermap.core.notes_layer import NotesLayer
 from hypermap.core.opaque import OpaqueLayer
@@ -203,6 +203,8 @@ class _Asking:
         if not query.layers:
             placed = hypermap.placed_layers()
             return [layer for layer in placed if not isinstance(layer, OpaqueLayer)]
+        if ROOMS in query.layers:
+            self._finder.check_rooms()
         named = [hypermap[name] for name in dict.fromkeys(query.layers)]
         for layer in named:
             if query.give not in ("labels", "places") and not isinstance(layer, SemanticLayer):

@@ -176,6 +176,10 @@ class Finder:
             raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
         return rooms
 
+    def check_rooms(self) -> None:
+        """Raise a HypermapError if the map has no rooms."""
+        _ = self.rooms
+
     def _rooms_called(self, names: Iterable[str]) -> list[Room]:
         return [room for name in names for room in rooms_asked(self._hypermap, name)]
 
@@ -197,8 +201,16 @@ class Finder:
         return room
 
     def places_of_rooms(self, found: Matches) -> IntArray:
-        """Return for each object the place of its room among the rooms; -1 where it is in none."""
-        return rooms_of_points(self.rooms, found.centroids)
+        """Return for each object the place of its room among the rooms; -1 where it is in none.
+
+        A room is its own.
+        """
+        places = rooms_of_points(self.rooms, found.centroids)
+        are_rooms = found.are_of(ROOMS)
+        if are_rooms.any():
+            by_id = {room.id: place for place, room in enumerate(self.rooms)}
+            places[are_rooms] = [by_id[one] for one in found.column("ids")[are_rooms].tolist()]
+        return places
 
     def rooms_of(self, found: Matches) -> list[Room | None]:
         """Return the rooms in which there are some objects."""

@@ -56,6 +56,8 @@ _MOST = {"less than": -1, "fewer than": -1} | dict.fromkeys(
     ("at most", "up to", "no more than", "not more than"), 0
 )
 
+# Of rooms, these words say what is not there, and not what else the things are.
+_LACKING = ("but no", "but not", "and no")
 _RELATIONS: dict[str, Relation] = {
     "IN": "in",
     "ON": "on",
@@ -110,6 +112,7 @@ class _Parts(Transformer[Token, Query]):
         self._times = times
         self._tokens = tokens
         self._are_joined = False  # things by "and"
+        self._all_of: set[tuple[str, ...]] = set()  # things that are joined by "and" alone
 
     # What is asked
 
@@ -169,8 +172,40 @@ class _Parts(Transformer[Token, Query]):
         return replace(_query(parts), give="room")
 
     def rooms_having(self, parts: list[Any]) -> Query:
-        self._check_either()
-        return replace(_query(parts), give="rooms")
+        return self._rooms_having(parts, "rooms")
+
+    def is_room_having(self, parts: list[Any]) -> Query:
+        return self._rooms_having(parts, "exists")
+
+    def many_rooms_having(self, parts: list[Any]) -> Query:
+        return self._rooms_having(parts, "count")
+
+    def _rooms_having(self, parts: list[Any], give: Give) -> Query:
+        """Return the query for rooms that have some things, each of them if so said, but no others.
+
+        "Chairs but no tables" are a condition on the room, "seats other than sofas" on the seats.
+        """
+        query, rooms, lacked = _query(parts), _rooms(parts), _lacked(parts)
+        if query.besides and _types(self._tokens)["BUT"] in _LACKING:
+            query, lacked = replace(query, besides=()), (*lacked, query.besides)
+        are_all = query.names in self._all_of
+        within = (Condition("in", Reference(rooms=rooms)),) if rooms else ()
+        if not lacked and not are_all:
+            self._check_either()
+            query = replace(query, where=(*query.where, *within))
+            if give == "rooms":
+                return replace(query, give=give)
+            return replace(query, give=give, per="room", number=Number(1))
+        if self._all_of & {*lacked} or (are_all and query.where):
+            self._check_either()
+        if query.besides or query.tags or query.which is not None:
+            raise ValueError(
+                "this cannot be combined with what else is in a room; ask one at a time"
+            )
+        wanted = [(name,) for name in query.names] if are_all else [query.names]
+        having = [Condition("with", Reference(names, query.where)) for names in wanted if names]
+        but = [Condition("with", Reference(names), negated=True) for names in lacked]
+        return Query(give, layers=(ROOMS,), where=(*within, *having, *but))
 
     def _check_either(self) -> None:
         """Raise a ValueError if both of two things, or all places, are asked for, not any."""
@@ -236,9 +271,11 @@ class _Parts(Transformer[Token, Query]):
         return replace(self._per_room(parts, "rooms"), number=_number(parts))
 
     def is_room_with(self, parts: list[Any]) -> Query:
+        self._check_either()
         return replace(self._per_room(parts, "count"), give="exists", number=_number(parts))
 
     def many_rooms_with(self, parts: list[Any]) -> Query:
+        self._check_either()
         return replace(self._per_room(parts, "count"), number=_number(parts))
 
     def is_number(self, parts: list[Any]) -> Query:
@@ -314,8 +351,13 @@ class _Parts(Transformer[Token, Query]):
         return replace(_chosen(parts), start=_only(parts, Reference))
 
     def nouns(self, parts: list[Any]) -> tuple[str, ...]:
-        self._are_joined |= "AND" in _types(parts)
-        return tuple(dict.fromkeys(part for part in parts if not isinstance(part, Token)))
+        names = tuple(dict.fromkeys(part for part in parts if not isinstance(part, Token)))
+        types = _types(parts)
+        if "AND" in types:
+            self._are_joined = True
+            if types.get("OR", ",") == ",":
+                self._all_of.add(names)
+        return names
 
     def noun(self, parts: list[Any]) -> str:
         return str(parts[0])
@@ -420,6 +462,11 @@ def _counted(parts: list[Any]) -> Query:
     if query.which is not None or query.by != "air":
         raise ValueError(f"how many, or the {query.which}? ask for one of both")
     return query
+
+
+def _lacked(parts: list[Any]) -> tuple[tuple[str, ...], ...]:
+    """Return the nouns after "without"."""
+    return (_only(parts[::-1], tuple),) if "LACK" in _types(parts) else ()
 
 
 def _number(parts: list[Any]) -> Number:

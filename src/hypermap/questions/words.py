@@ -92,7 +92,8 @@ _KEYWORDS = {
     "LACK": (
         "without|without any|with no|has no|have no|lack|lacks|do not have|does not have"
         "|do not have any|does not have any|have not got|has not got|do not contain"
-        "|does not contain|contains no|contain no"
+        "|does not contain|contains no|contain no|have neither|has neither|with neither"
+        "|contain neither|contains neither"
     ),
     "EXACTLY": "exactly|just|only",
     "OR_MORE": "or more",
@@ -106,7 +107,7 @@ _KEYWORDS = {
     ),
     "NOT": "not|not one|outside|outside of|anywhere but|except those|except the ones|but not those",
     "AND": "and|and also|and are|and is|but|as well as|that are also|plus",
-    "OR": "or|and or",
+    "OR": "or|and or|nor",
     "OF": "of",
     "FROM": "from|away from|off",
     "TO": "to",
@@ -139,7 +140,9 @@ _KEYWORDS = {
         "are you most sure of|are you surest of|are you most certain of|is most certain"
         "|is the most certain|are most certain|is the surest"
     ),
-    "BUT": ("except|besides|except for|apart from|other than|but not|but no|that is no|excluding"),
+    "BUT": (
+        "except|besides|except for|apart from|other than|but not|but no|and no|that is no|excluding"
+    ),
 }
 _OF_CONDITIONS = {
     "VISIBLE",
@@ -168,7 +171,7 @@ _DROPPED = (
     "|does this building|does the map|does the flat|does this floor|in the flat"
     "|in this house|in this flat|of them|have to be|one that|other|whole|entire|it|this"
     "|on this floor|in our house|in my house|in our building|in our flat|in my flat"
-    "|me know|let me know|stored|still|in them|in there"
+    "|me know|let me know|stored|still|in them|in there|both"
 )
 _NUMBER_WORDS = (
     "zero|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|thirteen|fourteen|fifteen"
@@ -394,6 +397,8 @@ def _keyword(token: str, phrase: str, rest: list[str]) -> Token | None:
         if _PHRASES.get(content) in _OF_CONDITIONS:
             return Token("AND" if phrase == "but" else "NOT", phrase)
         return Token("BUT", phrase)
+    if phrase == "both":
+        return None if "and" in rest else Token("UNKNOWN", phrase)
     is_count = is_number and not any(word in _UNIT_OF for word in rest[1:4])
     if phrase in ("exactly", "just", "only") and not is_count:
         return Token("UNKNOWN", phrase) if phrase == "only" else None
