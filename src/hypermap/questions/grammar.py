@@ -65,6 +65,8 @@ _RELATIONS: dict[str, Relation] = {
     "NEXT_TO": "near",
     "VISIBLE": "visible from",
 }
+# A thing may be near both of two others, or in front of both; it is on one of them only.
+_AND_IS_UNCLEAR = {"WITHIN", "NEXT_TO", "SIDE", "VISIBLE"}
 
 
 def query_of(tokens: list[Token], times: list[Span]) -> Query:
@@ -391,6 +393,8 @@ class _Parts(Transformer[Token, Query]):
     def at_thing(self, parts: list[Any]) -> Condition:
         types, reference = _types(parts), _only(parts, Reference)
         is_negated = "NOT" in types
+        if _AND_IS_UNCLEAR & set(types) and reference.names in self._all_of:
+            self._check_either()
         if "BEYOND" in types:
             return Condition("beyond", reference, _only(parts, float), is_negated)
         if "WITHIN" in types:
@@ -520,7 +524,8 @@ def _chosen(parts: list[Any]) -> Query:
         if count < 1:
             raise ValueError(f"{types['NUMBER']} things cannot be listed")
     by: Measure = "path" if "BY_PATH" in types else "air"
-    names = tuple(name for name in _only(parts, tuple) if name != EVERYTHING)
+    nouns = next((part for part in parts if isinstance(part, tuple)), ())
+    names = tuple(name for name in nouns if name != EVERYTHING)
     return Query(names=names, which=which, count=count, by=by)
 
 
