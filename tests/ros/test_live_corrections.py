@@ -1,8 +1,9 @@
-"""A path that SLAM has optimized moves the map of a live node."""
+"""A path or a graph that SLAM has optimized moves the map of a live node."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,13 +13,15 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.trajectory import pose_from_rpy, quats_of
+from hypermap.evaluation.metrics import evaluate
 from hypermap.perception.frame import RgbdFrame
-from hypermap.ros.mapper.path_corrections import path_of
+from hypermap.ros import typestore
+from hypermap.ros.mapper.optimized_poses import TimedGraph, path_of
 from hypermap.ros.ros1.messages import message_class
 
 from . import live_camera as camera
 from .conftest import wait_for
-from .semantic_mapper_tools import RAW, Room, drive, room
+from .semantic_mapper_tools import RAW, Room, drive, mapped, room, with_whole_pixels
 
 __all__ = ["drive", "room"]
 
@@ -63,6 +66,60 @@ def test_what_is_no_path_is_one_error(message: Any, reason: str) -> None:
         path_of(message, "map")
 
 
+def graph(stamp: float, ids: list[int], frame_id: str = "map", off: float = 0.0) -> Any:
+    """RTAB-Map's graph in ROS 2's spelling: node n is at x = n, or beside that."""
+    message = typestore.message_class("rtabmap_msgs/MapGraph")()
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(round(stamp * 1e9), 10**9)
+    message.header.frame_id, message.poses_id = frame_id, ids
+    for number in ids:
+        pose = typestore.message_class("geometry_msgs/Pose")()
+        pose.position.x = number + off
+        message.poses.append(pose)
+    return message
+
+
+def learned(*graphs: Any) -> TimedGraph:
+    timed = TimedGraph()
+    for each in graphs:
+        timed.learn(each)
+    return timed
+
+
+@pytest.mark.parametrize(
+    ("graphs", "stamps"),
+    [
+        ([(10, [1]), (11, [1, 2]), (12, [1, 2, 3])], [10, 11, 12]),
+        ([(10, [1]), (12, [1, 2, 3])], [10, 12]),  # the graph of node 2 was lost
+        ([(10, [1, 2, 3]), (11, [1, 2, 3, 4]), (12, [2, 3, 4, 5])], [11, 12]),  # joined later
+        ([(10, [-7, 1]), (11, [-7, 1, 2])], [10, 11]),  # a landmark
+        ([(10, [1]), (11, [1, 2]), (12, [1, 2]), (13, [1, 2, 4])], [10, 11, 13]),  # stood still
+        ([(10, [1]), (11, [1, 2]), (12, [1, 2, 3]), (20, [1]), (21, [1, 2])], [20, 21]),  # reset
+        ([(10, [1]), (11, [1, 2]), (5, [1]), (6, [1, 2])], [5, 6]),  # a bag is played again
+    ],
+)
+def test_the_newest_node_of_a_graph_is_of_its_time(graphs: Any, stamps: list[float]) -> None:
+    messages = [graph(*each) for each in graphs]
+    trajectory = learned(*messages).path(messages[-1], "map")
+    assert trajectory is not None
+    assert trajectory.stamps.tolist() == stamps
+    assert trajectory.positions[-1].tolist() == [max(graphs[-1][1]), 0, 0]
+
+
+def test_a_graph_without_times_corrects_nothing() -> None:
+    joined = graph(10, [1, 2, 3])
+    assert learned(joined).path(joined, "map") is None
+    assert learned(graph(10, [])).path(graph(10, []), "map") is None
+
+
+def test_what_is_no_graph_is_one_error() -> None:
+    with pytest.raises(HypermapError, match="the graph is in the frame 'odom', not in 'map'"):
+        TimedGraph().path(graph(1, [1], frame_id="odom"), "map")
+    message = graph(1, [1, 2])
+    del message.poses[0]
+    with pytest.raises(HypermapError, match="a graph of 2 nodes has 1 poses"):
+        TimedGraph().path(message, "map")
+
+
 @pytest.mark.slow
 @pytest.mark.xdist_group("ros")
 def test_a_loop_closure_moves_the_map(
@@ -86,6 +143,58 @@ def test_a_loop_closure_moves_the_map(
     publisher.unregister()
 
 
+@pytest.mark.slow
+@pytest.mark.xdist_group("ros")
+def test_the_graph_of_a_played_bag_moves_the_map(
+    room: Callable[..., Room], drive: list[RgbdFrame], start: Callable[..., Any], tmp_path: Path
+) -> None:
+    rosbag = pytest.importorskip("rosbag")
+    off = pose_from_rpy(0.4, -0.3, 0, 0, 0, 0.05)
+    frames = [frame.moved_to(off @ frame.map_T_camera) for frame in drive[:6]]
+    with rosbag.Bag(str(tmp_path / "loop.bag"), "w") as bag:
+        for count, frame in enumerate(frames, start=1):
+            poses = [one.map_T_camera for one in frames[:count]]
+            if count == len(frames):  # here the loop is closed
+                poses = [one.map_T_camera for one in drive[:count]]
+            write(bag, frame, {"/rtabmap/mapGraph": ros_graph(frame.stamp, poses)})
+    given = {"graph_topic": "/rtabmap/mapGraph", "base_frame": camera.FRAME}
+    node = room(**RAW, **given)
+    start(
+        *("rosbag", "play", "--quiet", "--wait-for-subscribers", "--rate=4"),
+        tmp_path / "loop.bag",
+    )
+    wait_for(lambda: node.logged("corrected the poses of 6 frames"), "a new map")
+    assert np.abs(node.live_map.logged_poses()[1] - poses).max() < 1e-6
+    found = node.node.hypermap().semantic("semantic").objects()
+    score = evaluate(found, mapped([with_whole_pixels(frame) for frame in drive[:6]])).overall
+    assert score.iou is not None
+    assert score.iou > 0.9
+
+
+def write(bag: Any, frame: RgbdFrame, others: dict[str, Any]) -> None:
+    """Write what belongs to a frame: first what the node must know before it maps the image."""
+    messages = {
+        camera.TF: camera.tf(frame),
+        camera.INFO: camera.camera_info(frame),
+        camera.DARKNET: camera.darknet(frame),
+    }
+    for topic, message in messages.items():
+        bag.write(topic, message, camera.new(camera.DEPTH, frame.stamp).header.stamp)
+    late = camera.new(camera.DEPTH, frame.stamp + 0.4).header.stamp
+    bag.write(camera.DEPTH, camera.depth(frame), late)
+    later = camera.new(camera.DEPTH, frame.stamp + 0.8).header.stamp
+    for topic, message in others.items():
+        bag.write(topic, message, later)
+
+
+def ros_graph(stamp: float, poses: list[NDArray[np.float64]]) -> Any:
+    message = message_class("rtabmap_msgs/MapGraph")()
+    message.header = camera.new(camera.DEPTH, stamp, "map").header
+    message.posesId = list(range(1, len(poses) + 1))
+    message.poses = [ros_pose(pose) for pose in poses]
+    return message
+
+
 def places(node: Room) -> NDArray[np.float64]:
     """The centers of the objects in the order of their ids."""
     objects = node.node.hypermap().semantic("semantic").objects()
@@ -97,11 +206,17 @@ def ros_path(stamps: NDArray[np.float64], poses: NDArray[np.float64]) -> Any:
 
     message = message_class("nav_msgs/Path")()
     message.header.frame_id = "map"
-    for stamp, pose, quat in zip(stamps, poses, quats_of(poses[:, :3, :3]), strict=True):
+    for stamp, pose in zip(stamps, poses, strict=True):
         stamped = message_class("geometry_msgs/PoseStamped")()
         stamped.header.stamp = rospy.Time.from_sec(stamp)
-        place, turn = stamped.pose.position, stamped.pose.orientation
-        place.x, place.y, place.z = pose[:3, 3].tolist()
-        turn.x, turn.y, turn.z, turn.w = quat.tolist()
+        stamped.pose = ros_pose(pose)
         message.poses.append(stamped)
+    return message
+
+
+def ros_pose(pose: NDArray[np.float64]) -> Any:
+    message = message_class("geometry_msgs/Pose")()
+    place, turn = message.position, message.orientation
+    place.x, place.y, place.z = pose[:3, 3].tolist()
+    turn.x, turn.y, turn.z, turn.w = quats_of(pose[np.newaxis, :3, :3])[0].tolist()
     return message

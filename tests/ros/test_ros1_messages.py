@@ -86,6 +86,7 @@ FOREIGN = {
     "vision_msgs/Detection2DArray": "402071f61477de256df9f1aa45e6e4c8",
     "grid_map_msgs/GridMapInfo": "43ee5430e1c253682111cb6bedac0ef9",
     "grid_map_msgs/GridMap": "95681e052b1f73bf87b7eb984382b401",
+    "rtabmap_msgs/MapGraph": "903c2e44ed7e275e08ef323188cb38ee",
     "map_msgs/OccupancyGridUpdate": "b295be292b335c34718bd939deebe1c9",
 }
 

@@ -323,6 +323,7 @@ def test_the_map_is_saved_when_one_asks_though_no_place_was_named(
         ({}, "give either depth_topic"),
         ({"depth_topic": "/depth"}, "something must say what the camera sees"),
         ({"depth_topic": "/d", "detector": "x.onnx"}, "the detector needs color images"),
+        ({**RAW, "path_topic": "/p", "graph_topic": "/g"}, "by path_topic or by graph_topic, not"),
         (
             {"depth_topic": "/d", "detections_topic": "/o", "detections_file": "x.json"},
             "found detections_topic and detections_file",

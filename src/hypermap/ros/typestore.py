@@ -21,7 +21,7 @@ from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.recordings.bag.definitions import DETECTION_TYPES
 from hypermap.ros.definitions import PACKAGE, package_folder
 
-# Source: common_interfaces, nav2_msgs and grid_map_msgs of ROS 2 Jazzy; map_msgs 2.4.
+# Source: common_interfaces, nav2_msgs, grid_map_msgs and rtabmap_msgs of ROS 2 Jazzy; map_msgs 2.4.
 _MESSAGES = {
     "map_msgs/msg/OccupancyGridUpdate": (
         "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data"
@@ -33,6 +33,14 @@ _MESSAGES = {
         "std_msgs/Header header\ngrid_map_msgs/GridMapInfo info\nstring[] layers\n"
         "string[] basic_layers\nstd_msgs/Float32MultiArray[] data\n"
         "uint16 outer_start_index\nuint16 inner_start_index"
+    ),
+    "rtabmap_msgs/msg/Link": (
+        "int32 from_id\nint32 to_id\nint32 type\ngeometry_msgs/Transform transform\n"
+        "float64[36] information"
+    ),
+    "rtabmap_msgs/msg/MapGraph": (
+        "std_msgs/Header header\ngeometry_msgs/Transform map_to_odom\nint32[] poses_id\n"
+        "geometry_msgs/Pose[] poses\nrtabmap_msgs/Link[] links"
     ),
     "nav2_msgs/msg/CostmapFilterInfo": (
         "std_msgs/Header header\nuint8 type\nstring filter_mask_topic\n"

@@ -1,4 +1,4 @@
-"""The part of a live node that corrects poses by the optimized path of a SLAM system."""
+"""The part of a live node that corrects poses by the optimized path or graph of SLAM."""
 
 from __future__ import annotations
 
@@ -7,21 +7,23 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.errors import FormatError, FrameError, HypermapError
-from hypermap.core.trajectory import Trajectory, invert, pose_matrix, trajectory_of
-from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
+from hypermap.core.errors import HypermapError
+from hypermap.core.trajectory import Trajectory, invert, trajectory_of
+from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.mapper.live_map import LiveMap
-from hypermap.ros.mapper.settings import PATH, LiveSettings
+from hypermap.ros.mapper.optimized_poses import TimedGraph, path_of
+from hypermap.ros.mapper.settings import GRAPH, PATH, LiveSettings
 from hypermap.ros.port import Message, Port
 from hypermap.ros.throttle import Throttle
 
 _LEAST = 0.02  # meters that a frame must move for the map to be made again
+_QUEUE = 100  # graphs that may wait, as each tells the time of one node
 
 
 class PathCorrections:
     """Moves the map when a loop closure has moved the path on which it was made.
 
-    The newest path waits until the one before is done, in a thread of its own.
+    The newest path or graph waits until the one before is done, in a thread of its own.
     """
 
     def __init__(
@@ -29,13 +31,18 @@ class PathCorrections:
     ) -> None:
         self._port, self._settings, self._map, self._log = port, settings, live_map, log
         self._map_frame = clean_frame(settings.map_frame)
+        self._graph = TimedGraph()
+        self._topic = settings.graph_topic or settings.path_topic
         self._base_T_camera: NDArray[np.float64] | None = None
         self._newest: Message | None = None
         self._wakes = threading.Event()
         self._ends = False
         self._thread = threading.Thread(target=self._work, name="path corrections", daemon=True)
         self._thread.start()
-        self._subscription = port.subscribe(settings.path_topic, PATH, self._take, latched=True)
+        if settings.graph_topic:
+            self._subscription = port.subscribe(self._topic, GRAPH, self._take_graph, queue=_QUEUE)
+        else:
+            self._subscription = port.subscribe(self._topic, PATH, self._take, latched=True)
 
     def close(self) -> None:
         """Correct no more."""
@@ -43,6 +50,10 @@ class PathCorrections:
         self._ends = True
         self._wakes.set()
         self._thread.join()
+
+    def _take_graph(self, message: Message) -> None:
+        self._graph.learn(message)
+        self._take(message)
 
     def _take(self, message: Message) -> None:
         self._newest = message
@@ -54,8 +65,7 @@ class PathCorrections:
             try:
                 self._correct(self._newest)
             except HypermapError as error:
-                topic = self._settings.path_topic
-                self._log.log("warning", "path", f"{topic}: {error}; no pose was corrected")
+                self._log.log("warning", "path", f"{self._topic}: {error}; no pose was corrected")
             except Exception as error:  # one path must not end the others
                 kind = type(error).__name__
                 self._log.log("error", "path", f"poses were not corrected: {kind}: {error}")
@@ -64,11 +74,17 @@ class PathCorrections:
         stamps, poses = self._map.logged_poses()
         if len(stamps) == 0:
             return
-        path = path_of(message, self._map_frame)
+        path = self._path(message)
+        if path is None:
+            return
         camera = path.at(path.stamps) @ self._mounting(stamps[-1], poses[-1])
         correction = self._map.correct(trajectory_of(path.stamps, camera), _LEAST)
         if correction is not None:
             self._port.log("info", correction.sentence())
+
+    def _path(self, message: Message) -> Trajectory | None:
+        read = self._graph.path if self._settings.graph_topic else path_of
+        return read(message, self._map_frame)
 
     def _mounting(self, stamp: float, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return `base_T_camera`, which the first path finds by a frame not corrected before."""
@@ -77,28 +93,3 @@ class PathCorrections:
             map_T_base = self._port.lookup(self._map_frame, self._settings.base_frame, at)
             self._base_T_camera = invert(map_T_base) @ pose
         return self._base_T_camera
-
-
-def path_of(message: Message, map_frame: str) -> Trajectory:
-    """Return a `nav_msgs/Path` as a trajectory; of poses with one stamp, the last one counts.
-
-    Raises:
-        FrameError: If it is in another frame.
-        FormatError: If it has no poses, or none of use.
-    """
-    frame_id = clean_frame(message.header.frame_id)
-    if frame_id != map_frame:
-        raise FrameError(f"the path is in the frame {frame_id!r}, not in {map_frame!r}")
-    by_stamp = {nanoseconds(one.header.stamp): one.pose for one in message.poses}
-    if len(by_stamp) < 2:
-        raise FormatError("a path needs at least two poses with stamps of their own")
-    stamps = sorted(by_stamp)
-    places = [by_stamp[stamp].position for stamp in stamps]
-    turns = [by_stamp[stamp].orientation for stamp in stamps]
-    try:
-        matrices = pose_matrix(
-            [(p.x, p.y, p.z) for p in places], [(q.x, q.y, q.z, q.w) for q in turns]
-        )
-    except ValueError as error:
-        raise FormatError(str(error)) from None
-    return trajectory_of(np.array([as_seconds(stamp) for stamp in stamps]), matrices)

@@ -145,7 +145,7 @@ class _Life:
         if settings.frontiers:
             self._others.append(LiveExploration(port, settings, live_map, self._log))
         self._values = LiveValues(port, settings, live_map, self._log)
-        if settings.path_topic:
+        if settings.path_topic or settings.graph_topic:
             self._others.append(PathCorrections(port, settings, live_map, self._log))
         elif settings.odom_frame:
             self._others.append(TfCorrections(port, settings, live_map, self._log))

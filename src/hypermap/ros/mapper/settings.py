@@ -16,6 +16,7 @@ COMPRESSED = "sensor_msgs/CompressedImage"
 CAMERA_INFO = "sensor_msgs/CameraInfo"
 OCCUPANCY = "nav_msgs/OccupancyGrid"
 PATH = "nav_msgs/Path"
+GRAPH = "rtabmap_msgs/MapGraph"
 DARKNET = "darknet_ros_msgs/BoundingBoxes"
 VISION = "vision_msgs/Detection2DArray"
 
@@ -81,8 +82,13 @@ class LiveSettings:
     path_topic: str = _setting(
         "", "Path of base_frame as optimized by SLAM: when a loop closure moves it, the map moves."
     )
+    graph_topic: str = _setting(
+        "", "Graph of RTAB-Map (MapGraph), whose poses of base_frame move the map as a path does."
+    )
     odom_frame: str = _setting(
-        "odom", "Frame of odometry: without path_topic, when it jumps in map_frame, the map moves."
+        "odom",
+        "Frame of odometry: without path_topic and graph_topic, when it jumps in map_frame, the "
+        "map moves.",
     )
     register: bool = _setting(
         False, "Whether to register depth to color, by the camera info next to color, and tf."
@@ -125,7 +131,7 @@ class LiveSettings:
     )
     frontiers_every: float = _setting(2.0, "Seconds between searches for frontiers.", 0.1, 3600)
     base_frame: str = _setting(
-        "base_link", "Frame of the robot, for frontiers, path_topic and values."
+        "base_link", "Frame of the robot, for frontiers, path_topic, graph_topic and values."
     )
     robot_radius: float = _setting(0.3, "Radius of the robot [m].", 0, 10)
     through_unknown: bool = _setting(False, "Whether the robot may drive over unknown cells.")
@@ -150,6 +156,8 @@ class LiveSettings:
             raise HypermapError("labels need a detector")
         if self.register and not (self.color_topic and self.depth_topic):
             raise HypermapError("register moves depth images into color: give color_topic, too")
+        if self.path_topic and self.graph_topic:
+            raise HypermapError("poses are corrected by path_topic or by graph_topic, not by both")
         if self.rotate % 90:
             raise HypermapError(f"rotate must be 0, 90, 180 or 270 degrees, got {self.rotate}")
         for text in self.values:

@@ -1,7 +1,7 @@
 """Messages of other packages that a node can use where ROS 1 has not installed them.
 
-Source: darknet_ros_msgs 1.1.5, vision_msgs 0.0.2, map_msgs 1.14 and grid_map_msgs 1.7.18 (ROS 1
-Noetic); nav2_msgs 1.3 (ROS 2).
+Source: darknet_ros_msgs 1.1.5, vision_msgs 0.0.2, map_msgs 1.14, grid_map_msgs 1.7.18 and
+rtabmap_msgs 0.21 (ROS 1 Noetic); nav2_msgs 1.3 (ROS 2).
 """
 
 from __future__ import annotations
@@ -44,6 +44,16 @@ _FOREIGN: Mapping[str, Mapping[str, str]] = {
             "GridMapInfo info\nstring[] layers\nstring[] basic_layers\n"
             "std_msgs/Float32MultiArray[] data\n"
             "uint16 outer_start_index\nuint16 inner_start_index\n"
+        ),
+    },
+    "rtabmap_msgs": {
+        "Link": (
+            "int32 fromId\nint32 toId\nint32 type\ngeometry_msgs/Transform transform\n"
+            "float64[36] information\n"
+        ),
+        "MapGraph": (
+            "Header header\ngeometry_msgs/Transform mapToOdom\nint32[] posesId\n"
+            "geometry_msgs/Pose[] poses\nLink[] links\n"
         ),
     },
     "nav2_msgs": {

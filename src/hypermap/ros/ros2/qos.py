@@ -7,7 +7,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 _QUEUE = 10
-_CHANGES = ("hypermap_msgs/", "map_msgs/", "nav_msgs/")
+_CHANGES = ("hypermap_msgs/", "map_msgs/", "nav_msgs/", "rtabmap_msgs/")
 
 
 def publisher_qos(latched: bool) -> Any:
