@@ -76,7 +76,7 @@ class TimedGraph:
 def _ids(message: Message) -> list[int]:
     """Return the ids of a graph's nodes, which ROS 1 and ROS 2 spell differently."""
     ids = message.posesId if hasattr(message, "posesId") else message.poses_id
-    return np.asarray(ids, np.int64).tolist()
+    return [int(number) for number in ids]
 
 
 def _check_frame(message: Message, kind: str, map_frame: str) -> None:
