@@ -151,17 +151,17 @@ def _save_live(folder: Path, version: int) -> None:
     log = Throttle(port.log)
     live = _LiveMap(hypermap_of(version))
     saving = Saving(port, settings, live, log)  # type: ignore[arg-type]
-    live.revision += 1
+    live.state = (1,)
     saving.close()
 
 
 @dataclass
 class _LiveMap:
-    """What a live node has mapped, without the camera."""
+    """What saving asks of a live map, without a camera; see `LiveMap`."""
 
     made: Hypermap
-    revision: int = 0
-    frames: int = 1
+    state: tuple[int, ...] = (0,)
+    is_new: bool = True
 
     def hypermap(self) -> Hypermap:
         return self.made

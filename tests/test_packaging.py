@@ -167,5 +167,5 @@ def test_the_unit_of_systemd_starts_a_server_and_ends_it_in_order(tmp_path: Path
         assert server.poll() is None, log.read_text()
         assert time.monotonic() < end, log.read_text()
         time.sleep(0.05)
-    server.send_signal(signal.Signals[unit["Service"]["KillSignal"]])
+    server.send_signal(signal.Signals[unit["Service"].get("KillSignal", "SIGTERM")])
     assert server.wait(240) == 0, log.read_text()

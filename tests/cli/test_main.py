@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from hypermap import __version__
+from hypermap.cli.signals import ended_by_signals, until_signal
 from hypermap.cli.terminal import BAD_INPUT
 
 from .conftest import assert_one_error
@@ -152,6 +153,18 @@ def test_a_reader_that_stops_early_ends_the_command_quietly(room_map):
 
 
 ENDINGS = [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_any_signal_is_the_usual_end_of_a_server(number):
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with ended_by_signals(), until_signal():
+            signal.raise_signal(number)
+            pytest.fail("the server goes on")
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize(("number", "code"), ENDINGS)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +12,7 @@ import pytest
 pytest.importorskip("psycopg", reason="psycopg is missing")
 
 from starlette.testclient import TestClient
+from tests.prepared import Command
 
 from hypermap import Hypermap, SemanticLayer, from_geojson
 from hypermap.fleet.store.address import parse_address
@@ -21,6 +24,7 @@ from hypermap.testing import square
 pytestmark = pytest.mark.xdist_group("store")
 
 TOKEN = "a token of the tests"
+SITE = "served & read"
 AUTUMN = 1764000000.0  # 2025-11-24T16:00:00Z
 CUP = {
     "type": "Feature",
@@ -51,7 +55,7 @@ def client_of(store: str, *, allows_edits: bool) -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def reader(store: str) -> Iterator[Any]:
     database = Database(parse_address(store))
-    push(database, a_map(), "served & read")
+    push(database, a_map(), SITE)
     database.close()
     yield from client_of(store, allows_edits=False)
 
@@ -209,3 +213,24 @@ def test_an_editor_adds_replaces_and_removes(editor: Any, database: Database, si
     )
     for body in (b"", b"{}", b"[" * 100_000, nan, b'{"x": "' + b"x" * 1_000_001):
         assert editor.post(items, content=body).status_code == 400
+
+
+@pytest.mark.parametrize(
+    ("words", "ready"),
+    [
+        (["api", "{store}", "--port", "0"], "Authorization"),
+        (["pull", "{store}", "--site", SITE, "-o", "{folder}/a.hmap", "--follow"], "version"),
+    ],
+)
+def test_sigterm_is_the_usual_end_of_what_serves_or_follows(
+    reader: Any, store: str, tmp_path: Path, words: list[str], ready: str
+) -> None:
+    command = [word.format(store=store, folder=tmp_path) for word in words]
+    with Command(*command, stderr=subprocess.PIPE) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if ready in line:
+                break
+        process.terminate()
+        assert process.communicate(timeout=30)[1] == ""
+        assert process.wait() == 0

@@ -12,7 +12,7 @@ import pytest
 import shapely
 from hypothesis import HealthCheck, given, settings
 
-from hypermap.core.errors import FileMissing, HypermapError, MissingExtra
+from hypermap.core.errors import FileMissing, FormatError, HypermapError, MissingExtra
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
@@ -225,6 +225,19 @@ def test_a_folder_to_save_in_must_exist(tmp_path: Path) -> None:
 
 
 # Other kinds of files
+
+
+def test_the_cells_of_all_layers_count_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grid, cells = GridGeometry(4, 3, 0.05), np.zeros((3, 4), np.int8)
+    layers = [OccupancyLayer(name, "map", grid, cells) for name in ("one", "two")]
+    save_map(Hypermap(layers), tmp_path / "map.hmap")
+    monkeypatch.setattr(limits, "MAX_CELLS", 23)
+    with pytest.raises(FormatError, match=r"has layers of 24 cells .* HYPERMAP_MAX_CELLS=24"):
+        open_map(tmp_path / "map.hmap")
+    monkeypatch.setenv("HYPERMAP_MAX_CELLS", "24")
+    assert len(open_map(tmp_path / "map.hmap").layers) == 2
 
 
 def test_a_bare_map_server_map_becomes_a_map_of_one_layer(tmp_path: Path) -> None:

@@ -40,9 +40,10 @@ def serve_http(
 
     Raises:
         HypermapError: If the port is in use, or the token is too short.
+        KeyboardInterrupt: When Ctrl-C has ended it.
     """
     listening, config = _prepared(server, port, token)
-    with contextlib.closing(listening), contextlib.suppress(KeyboardInterrupt):
+    with contextlib.closing(listening):
         _Server(config, lambda: on_start(_url(listening))).run(sockets=[listening])
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import StoreAddress
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
@@ -77,6 +78,6 @@ def command(
         if token is None:
             note(f"clients send the header Authorization: Bearer {secret}")
 
-    with contextlib.closing(listening), contextlib.suppress(KeyboardInterrupt):
+    with contextlib.closing(listening), until_signal():
         serve(service, listening, started)
     service.connections.close()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,8 +15,10 @@ import typer
 
 from hypermap.cli.options import MapPath
 from hypermap.cli.robot_options import RobotRadius
+from hypermap.cli.signals import until_signal
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
+from hypermap.ros.signals import on_end_signals
 
 if TYPE_CHECKING:
     from hypermap.agents.open_map import OpenMap
@@ -96,8 +97,8 @@ def command(
             if token is None:
                 note(f"clients send the header Authorization: Bearer {secret}")
 
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-        serve_http(server, port, secret, started)
+        with until_signal():
+            serve_http(server, port, secret, started)
         return
     if sys.stdin.isatty():
         note("waiting for an agent on standard input; clients start this command themselves")
@@ -116,10 +117,5 @@ def _ended_at_once(opened: OpenMap) -> Iterator[None]:
         with opened.between_edits():
             os._exit(0)  # as servers normally end
 
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    before = [signal.signal(number, end) for number in numbers]
-    try:
+    with on_end_signals(end):
         yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.options import ForceMap, check_map_output
+from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import SiteName, StoreAddress, address_with_site
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
@@ -71,7 +71,7 @@ def command(
         note(f"the previous map is kept as {backup}")
     note(f"saved {output}")
     if follow:
-        with contextlib.suppress(KeyboardInterrupt):
+        with until_signal():
             _follow(address.at(name), output)
 
 

@@ -2,7 +2,8 @@
 
 Each ends it in order, with exit code 130, 143 or 129. A work that has a result takes the first one
 as a wish to end early, and saves what there is. What the shell has switched off stays so: a script
-starts its jobs in the background without Ctrl-C, and `nohup` its command without SIGHUP.
+starts its jobs in the background without Ctrl-C, and `nohup` its command without SIGHUP. A server
+is different: a signal is how it usually ends, so its exit code is 0.
 """
 
 from __future__ import annotations
@@ -12,9 +13,11 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn
+
+from hypermap.ros.signals import on_end_signals
 
 _SOON = 0.01  # s
 _ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
@@ -104,6 +107,24 @@ def ended_by_signals() -> Iterator[None]:
         raise SystemExit(128 + came[-1]) from error
     finally:
         sys.unraisablehook = before
+
+
+@contextmanager
+def until_signal() -> Iterator[None]:
+    """Let a server run until a signal ends it, and return as if it had ended by itself.
+
+    systemd, Docker and others send SIGTERM to stop a service, and take 143 for a failure. Ctrl-C
+    counts here even where the shell has switched it off; SIGHUP does not.
+    """
+    with suppress(KeyboardInterrupt), on_end_signals(_as_ctrl_c):
+        yield
+
+
+def _as_ctrl_c(number: int, _frame: FrameType | None) -> None:
+    """Do for any signal what Ctrl-C does at the moment: a library may handle Ctrl-C alone."""
+    if number == signal.SIGINT:
+        raise KeyboardInterrupt
+    signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager

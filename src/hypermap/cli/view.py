@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hypermap.cli.options import Force, MapPath, check_output
+from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import followed_site
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError
@@ -127,13 +126,8 @@ def _serve(
         if browser:
             open_browser(app, listening)
 
-    signal.signal(signal.SIGTERM, _interrupt)
-    try:
+    with closing(listening), until_signal():
         serve(app, listening, started)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        listening.close()
 
 
 def _write(path: Path, html: Path, force: bool) -> None:
@@ -148,7 +142,3 @@ def _write(path: Path, html: Path, force: bool) -> None:
     for line in done.notes:
         note(line)
     note(f"saved {html}, {done.size / 1e6:.1f} MB")
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt

@@ -10,7 +10,7 @@ import itertools
 import logging
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.history import MAP_VERSION, History
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer, Store
+from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.outside import open_site
 from hypermap.formats.archive import read_archive, write_archive
@@ -31,6 +32,7 @@ from hypermap.formats.config import (
     dump_config,
     parse_config,
 )
+from hypermap.formats.grid.budget import check_cells
 from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.formats.history_file import KEY as HISTORY
 from hypermap.formats.history_file import HistoryFiles, history_files
@@ -163,7 +165,7 @@ def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
     claims = _Claims(store)
     config = parse_config(claims.read(config_name), store.path_of(config_name))
     # Files that no known layer reads belong to the unknown ones.
-    layers = [_read_layer(entry, claims) for entry in config.layers]
+    layers = list(_read_layers(config.layers, claims, store.path_of(config_name)))
     mapper_state = _read_mapper_state(config.others.pop(MAPPER_STATE, None), claims)
     history = _read_history(config.others.pop(HISTORY, None), claims)
     opaque = [layer for layer in layers if isinstance(layer, OpaqueLayer)]
@@ -212,6 +214,17 @@ def _read_part(name: str, store: Store) -> bytes | None:
     except FormatError as error:
         logger.warning("a part of the map's history is lost: %s", error)
         return None
+
+
+def _read_layers(entries: Iterable[LayerEntry], store: Store, path: str) -> Iterator[Layer]:
+    """Yield the layers; many small files must not make many large grids."""
+    cells = 0
+    for entry in entries:
+        layer = _read_layer(entry, store)
+        if isinstance(layer, OccupancyLayer) and layer.cells is not None:
+            cells += layer.cells.size
+            check_cells(cells, f"layers of {cells} cells", path)
+        yield layer
 
 
 def _read_layer(entry: LayerEntry, store: Store) -> Layer:

@@ -9,15 +9,19 @@ from PIL import Image
 from hypermap.core.errors import FormatError
 from hypermap.core.pictures import ObjectPicture
 
+_MOST_PIXELS = 1 << 24  # of what is a crop of a camera's image
+
 
 def image_of(picture: ObjectPicture) -> Image.Image:
     """Return a picture as an RGB image.
 
     Raises:
-        FormatError: If the JPEG file is damaged.
+        FormatError: If the JPEG file is damaged or too large.
     """
     try:
         with Image.open(io.BytesIO(picture.jpeg), formats=["JPEG"]) as image:
+            if image.width * image.height > _MOST_PIXELS:
+                raise FormatError(f"the picture has {image.width} x {image.height} pixels")
             return image.convert("RGB")
     except (OSError, ValueError, Image.DecompressionBombError) as error:
         raise FormatError(f"the picture cannot be read: {error}") from None

@@ -20,7 +20,9 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.formats import limits
+from hypermap.formats.grid import pictures
 from hypermap.formats.grid.map_server import PLUGIN, load_occupancy
+from hypermap.formats.grid.pictures import decode_gray
 from hypermap.formats.store import MemoryStore
 
 YAML = """\
@@ -171,7 +173,8 @@ def png_of(width: int, height: int) -> bytes:
         ),
         (
             png_of(12_000, 12_000),
-            "t.hmap/map.png: has 12000 x 12000 pixels, more than the 134217728 that are allowed",
+            "t.hmap/map.png: has 12000 x 12000 cells (144 MB in memory), more than the 67,108,864 "
+            "that are allowed",
         ),
         (png_of(0, 5), "t.hmap/map.png: is not a picture"),
         (b"P5\n3 1\n255\nab", "t.hmap/map.png: is not an intact picture: "),
@@ -306,6 +309,50 @@ def test_a_raw_map_keeps_values_to_255_and_old_readers_find_unknown_cells() -> N
     assert again is not None
     assert again.dtype == np.int16
     assert (again == values).all()
+
+
+def test_the_limit_on_cells_is_told_and_can_be_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "MAX_CELLS", 10)
+    content = picture(np.zeros((3, 4)))
+    monkeypatch.delenv("HYPERMAP_MAX_CELLS", raising=False)
+    with pytest.raises(FormatError, match=r"set HYPERMAP_MAX_CELLS=12 in the environment"):
+        load(content)
+    monkeypatch.setenv("HYPERMAP_MAX_CELLS", "12")
+    assert np.shape(load(content).cells) == (3, 4)
+    heavy = picture(np.zeros((3, 4)), kind="WEBP", lossless=True)
+    with pytest.raises(FormatError, match=r"more than the 3 that .* HYPERMAP_MAX_CELLS=48"):
+        load(heavy)
+    monkeypatch.setenv("HYPERMAP_MAX_CELLS", "48")
+    assert np.shape(load(heavy).cells) == (3, 4)
+    monkeypatch.setenv("HYPERMAP_MAX_CELLS", "many")
+    with pytest.raises(HypermapError, match="'many' in the environment must be a whole number"):
+        load(content)
+
+
+def test_who_saves_a_large_grid_is_told_how_to_open_it(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(limits, "MAX_CELLS", 10)
+    layer = OccupancyLayer("big", "map", GridGeometry(4, 3, 0.05), np.zeros((3, 4), np.int8))
+    assert saved(layer).files
+    assert "'big' has 12 cells: to open the map again, set HYPERMAP_MAX_CELLS=12" in caplog.text
+
+
+def test_a_picture_is_the_same_in_bands(monkeypatch: pytest.MonkeyPatch) -> None:
+    shades = np.random.default_rng(0).integers(0, 255, (7, 5, 4)).astype(np.uint8)
+    for mode in ("L", "LA", "RGB", "RGBA", "P", "I;16"):
+        content = io.BytesIO()
+        made = Image.fromarray(shades[..., 0].astype(np.uint16) if mode == "I;16" else shades)
+        (made if mode == "I;16" else made.convert(mode)).save(content, "PNG")
+        whole = decode_gray(content.getvalue(), "map.png")
+        with monkeypatch.context() as patched:
+            patched.setattr(pictures, "_BAND_PIXELS", 10)
+            banded = decode_gray(content.getvalue(), "map.png")
+        assert (banded.values == whole.values).all()
+        assert banded.white == whole.white
+        assert (banded.opaque is None) == (whole.opaque is None)
+        if whole.opaque is not None:
+            assert (banded.opaque == whole.opaque).all()
 
 
 def test_a_layer_without_cells_writes_nothing() -> None:

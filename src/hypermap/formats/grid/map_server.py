@@ -6,6 +6,7 @@ top of the map.
 
 from __future__ import annotations
 
+import logging
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
@@ -22,6 +23,7 @@ from hypermap.core.layer import Store
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.formats import limits
 from hypermap.formats.checked import Checked, Finite, Pose, Text, check
+from hypermap.formats.grid.budget import SETTING, check_cells, max_cells
 from hypermap.formats.grid.png import (
     band_rows,
     decode_gray_alpha,
@@ -34,6 +36,8 @@ from hypermap.formats.yaml_text import read_yaml, write_yaml
 
 if TYPE_CHECKING:
     from hypermap.formats.grid.pictures import GrayPicture
+
+_log = logging.getLogger(__name__)
 
 Cells = NDArray[np.int8] | NDArray[np.int16]
 _Fraction = Annotated[float, Field(ge=0, le=1)]
@@ -161,7 +165,8 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
         FormatError: If it is no picture, is damaged, or has more pixels than are allowed.
     """
     size = gray_alpha_size(content)
-    if size is not None and size[0] * size[1] <= limits.MAX_PIXELS:
+    if size is not None:
+        check_cells(size[0] * size[1], f"{size[0]} x {size[1]} cells", path)
         try:
             return _cells_from_bands(*size, decode_gray_alpha(content, *size), described)
         except (ValueError, zlib.error):  # Pillow reads more, and says what is wrong
@@ -224,6 +229,14 @@ def _mode(cells: Cells, layer_name: str) -> str:
         raise HypermapError(
             f"layer {layer_name!r} has {cells.size} cells, more than the {limits.MAX_PIXELS} "
             "that a file may hold"
+        )
+    if cells.size > max_cells():
+        _log.warning(
+            "layer %r has %d cells: to open the map again, set %s=%d in the environment",
+            layer_name,
+            cells.size,
+            SETTING,
+            cells.size,
         )
     return "raw" if cells.max() > 100 else "scale"
 

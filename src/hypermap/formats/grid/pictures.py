@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import warnings
 from dataclasses import dataclass
 from typing import Any
@@ -11,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from hypermap.core.errors import FormatError
+from hypermap.core.errors import FormatError, HypermapError
 from hypermap.formats import limits
+from hypermap.formats.grid.budget import check_cells
 
 # Not EPS, for which Pillow runs another program, nor formats with several images.
 _KINDS = (
@@ -29,6 +31,9 @@ _KINDS = (
     "PCX",
     "SGI",
 )
+
+_WEIGHT_OF_KIND = {"WEBP": 4, "JPEG2000": 4}  # whose decoders take up to 20 bytes for a pixel
+_BAND_PIXELS = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +67,7 @@ def decode_gray(content: bytes, path: str) -> GrayPicture:
             with Image.open(io.BytesIO(content), formats=_KINDS) as image:
                 _check_size(image, path)
                 return _gray(image, path)
-    except FormatError:
+    except HypermapError:
         raise
     except UnidentifiedImageError:
         raise FormatError("is not a picture", path=path) from None
@@ -78,14 +83,32 @@ def _check_size(image: Image.Image, path: str) -> None:
     width, height = image.size
     if width < 1 or height < 1:
         raise FormatError("is a picture without pixels", path=path)
-    if width * height > limits.MAX_PIXELS:
-        raise FormatError(
-            f"has {width} x {height} pixels, more than the {limits.MAX_PIXELS} that are allowed",
-            path=path,
-        )
+    weight = _WEIGHT_OF_KIND.get(str(image.format), 1)
+    check_cells(width * height, f"{width} x {height} cells", path, weight)
 
 
 def _gray(image: Image.Image, path: str) -> GrayPicture:
+    """Convert a picture in bands of rows: most kinds take several times the memory meanwhile."""
+    width, height = image.size
+    rows = max(1, _BAND_PIXELS // width)
+    bands = (
+        _gray_of_band(image.crop((0, top, width, min(top + rows, height))), path)
+        for top in range(0, height, rows)
+    )
+    first = next(bands)
+    values = np.empty((height, width), first.values.dtype)
+    opaque = None if first.opaque is None else np.empty((height, width), np.bool_)
+    top = 0
+    for band in itertools.chain([first], bands):
+        place = slice(top, top + len(band.values))
+        values[place] = band.values
+        if opaque is not None:
+            opaque[place] = band.opaque
+        top = place.stop
+    return GrayPicture(values, first.white, opaque)
+
+
+def _gray_of_band(image: Image.Image, path: str) -> GrayPicture:
     if image.mode == "F":
         raise FormatError("is a picture of floating point numbers, not of gray values", path=path)
     if image.mode.startswith("I"):  # 16 bits
