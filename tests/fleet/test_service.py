@@ -12,7 +12,6 @@ import pytest
 pytest.importorskip("psycopg", reason="psycopg is missing")
 
 from starlette.testclient import TestClient
-from tests.prepared import Command
 
 from hypermap import Hypermap, SemanticLayer, from_geojson
 from hypermap.fleet.store.address import parse_address
@@ -20,6 +19,8 @@ from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.pushing import pull, push
 from hypermap.fleet.store.service.app import StoreService
 from hypermap.testing import square
+
+from ..prepared import Command
 
 pytestmark = pytest.mark.xdist_group("store")
 
