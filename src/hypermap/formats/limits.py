@@ -21,11 +21,9 @@ MAX_COMPRESSION = 200
 
 SMALL_FILE_BYTES = 1 * MIB
 
-MAX_PIXELS = 1 << 27
-"""Cells of a grid that a file can hold: 134 million, or a square of 579 m at 5 cm."""
-
-MAX_CELLS = 1 << 26
-"""Cells of all grids of a map that is opened: 67 million, unless `grid.budget` finds a setting."""
+MAX_CELLS = 1 << 27
+"""Cells of all grids of a map: 134 million, or a square of 579 m at 5 cm, unless `grid.budget`
+finds a setting."""
 
 MAX_YAML_BYTES = 64 * MIB
 

@@ -8,7 +8,7 @@ from hypermap.core.errors import FormatError, HypermapError
 from hypermap.formats import limits
 
 SETTING = "HYPERMAP_MAX_CELLS"
-"""The environment variable by which the limit is raised, up to `limits.MAX_PIXELS`."""
+"""The environment variable by which the limit is raised."""
 
 
 def check_cells(count: int, size: str, path: str, weight: int = 1) -> None:
@@ -22,18 +22,15 @@ def check_cells(count: int, size: str, path: str, weight: int = 1) -> None:
 
     Raises:
         FormatError: If there are too many. The message tells how many bytes they would take, and
-            how to raise the limit where that is possible.
+            how to raise the limit.
         HypermapError: If the setting is no whole number.
     """
-    most, needed = max_cells() // weight, weight * count
+    most = max_cells() // weight
     if count <= most:
         return
-    remedy = ""
-    if needed <= limits.MAX_PIXELS:
-        remedy = f"; if you trust the file, set {SETTING}={needed} in the environment"
     raise FormatError(
-        f"has {size} ({count / 1e6:.0f} MB in memory), more than the {most:,} that are allowed"
-        f"{remedy}",
+        f"has {size} ({count / 1e6:.0f} MB in memory), more than the {most:,} that are allowed; "
+        f"if you trust the file, set {SETTING}={weight * count} in the environment",
         path=path,
     )
 
@@ -49,4 +46,4 @@ def max_cells() -> int:
         return limits.MAX_CELLS
     if not (text.isascii() and text.isdigit() and len(text) < 20):
         raise HypermapError(f"{SETTING}={text!r} in the environment must be a whole number")
-    return min(int(text), limits.MAX_PIXELS)
+    return int(text)

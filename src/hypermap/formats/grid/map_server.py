@@ -6,7 +6,6 @@ top of the map.
 
 from __future__ import annotations
 
-import logging
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
@@ -21,7 +20,6 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.grid import RESOLUTIONS, GridGeometry
 from hypermap.core.layer import Store
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
-from hypermap.formats import limits
 from hypermap.formats.checked import Checked, Finite, Pose, Text, check
 from hypermap.formats.grid.budget import SETTING, check_cells, max_cells
 from hypermap.formats.grid.png import (
@@ -36,8 +34,6 @@ from hypermap.formats.yaml_text import read_yaml, write_yaml
 
 if TYPE_CHECKING:
     from hypermap.formats.grid.pictures import GrayPicture
-
-_log = logging.getLogger(__name__)
 
 Cells = NDArray[np.int8] | NDArray[np.int16]
 _Fraction = Annotated[float, Field(ge=0, le=1)]
@@ -225,18 +221,10 @@ def _cell_of_value(white: int, described: MapYaml) -> Cells:
 
 def _mode(cells: Cells, layer_name: str) -> str:
     """Return the mode in which to read a picture of the cells."""
-    if cells.size > limits.MAX_PIXELS:
-        raise HypermapError(
-            f"layer {layer_name!r} has {cells.size} cells, more than the {limits.MAX_PIXELS} "
-            "that a file may hold"
-        )
     if cells.size > max_cells():
-        _log.warning(
-            "layer %r has %d cells: to open the map again, set %s=%d in the environment",
-            layer_name,
-            cells.size,
-            SETTING,
-            cells.size,
+        raise HypermapError(
+            f"layer {layer_name!r} has {cells.size} cells, more than the {max_cells()} that can be "
+            f"opened again; to save and to open it, set {SETTING}={cells.size} in the environment"
         )
     return "raw" if cells.max() > 100 else "scale"
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from hypermap.core.errors import FormatError, HypermapError
-from hypermap.formats import limits
 from hypermap.formats.grid.budget import check_cells
 
 # Not EPS, for which Pillow runs another program, nor formats with several images.
@@ -71,10 +70,8 @@ def decode_gray(content: bytes, path: str) -> GrayPicture:
         raise
     except UnidentifiedImageError:
         raise FormatError("is not a picture", path=path) from None
-    except Image.DecompressionBombError:  # Pillow's bound, which is higher than ours
-        raise FormatError(
-            f"has more than the {limits.MAX_PIXELS} pixels that are allowed", path=path
-        ) from None
+    except Image.DecompressionBombError as error:  # Pillow's bound, which is higher than ours
+        raise FormatError(f"has too many cells: {error}", path=path) from None
     except Exception as error:  # the decoders raise nearly anything for damaged files
         raise FormatError(f"is not an intact picture: {error}", path=path) from error
 
