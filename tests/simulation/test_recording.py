@@ -69,6 +69,16 @@ def test_the_same_seed_gives_the_same_frames_each_time_they_are_asked_for() -> N
         assert_same(first, other)
 
 
+def test_frames_that_are_rendered_once_are_those_that_are_rendered_anew() -> None:
+    recording = SimulatedRecording(WORLD, rate=2, bad_frames=0.3, seed=4, renders_once=True)
+    first, second = list(recording.frames()), list(recording.frames())
+    assert len(first) == len(second) > 0
+    assert all(one is other for one, other in zip(first, second, strict=True))
+    for one, anew in zip(first, frames(rate=2, bad_frames=0.3, seed=4), strict=True):
+        assert one.stamp == anew.stamp
+        assert np.array_equal(one.depth, anew.depth, equal_nan=True)
+
+
 def test_another_seed_gives_other_noise_in_the_same_world() -> None:
     a, b = frames(rate=1, seed=1)[0], frames(rate=1, seed=2)[0]
     assert (a.color == b.color).all()

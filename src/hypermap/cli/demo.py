@@ -66,7 +66,10 @@ def command(
     _make_folder(folder)
     world = demo_world()
     recording = SimulatedRecording(
-        world, detector=None if noisy else network_detector(), has_occupancy=False
+        world,
+        detector=None if noisy else network_detector(),
+        has_occupancy=False,
+        renders_once=keep_recording,
     )
     if keep_recording:
         note(f"saving {len(recording)} simulated frames ...")

@@ -64,6 +64,7 @@ class SimulatedRecording:
         has_occupancy: bool = True,
         bad_frames: float = 0.0,
         seed: int = 0,
+        renders_once: bool = False,
     ) -> None:
         """Prepare a drive through a world.
 
@@ -83,6 +84,8 @@ class SimulatedRecording:
             bad_frames: share of the frames that broken sensors spoil, each by a fault of
                 `bad_frames.FAULTS`.
             seed: of all random numbers.
+            renders_once: whether frames stay in memory, half a megabyte each, when they have been
+                asked for, for who asks for them again.
 
         Raises:
             ValueError: If the world has no drive, the rate is not positive, or `bad_frames` is
@@ -102,6 +105,8 @@ class SimulatedRecording:
         self._walkers = draw_walkers(people, world.drive, self._rng(_PEOPLE))
         self._has_masks = has_masks
         self._has_occupancy = has_occupancy
+        self._renders_once = renders_once
+        self._rendered: list[RgbdFrame] | None = None
         self._stamps, poses = planar_poses(world.drive, rate)
         self._true_poses = camera_poses(poses, world.drive)
         self._estimated_poses = self._estimated(pose_noise or PoseNoise(), poses, world.drive)
@@ -124,6 +129,14 @@ class SimulatedRecording:
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:  # noqa: ARG002
         """Yield the frames in order of time, with color and detections."""
+        if not self._renders_once:
+            return self._arriving()
+        if self._rendered is None:
+            self._rendered = list(self._arriving())
+        return iter(self._rendered)
+
+    def _arriving(self) -> Iterator[RgbdFrame]:
+        """Yield the frames that arrive, good or spoiled."""
         before = None
         for i, frame in enumerate(self._good_frames()):
             arrived: RgbdFrame | None = frame

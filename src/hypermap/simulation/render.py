@@ -46,7 +46,7 @@ class Renderer:
         self._scene = scene
         self._normals = _normals(scene.triangles)
         self._rays = _rays(camera)
-        self._lengths = np.linalg.norm(self._rays, axis=1)
+        self._lengths = np.sqrt((self._rays**2).sum(axis=0))
         self._shadows = Shadows.of(scene.triangles, _lamp(scene))
 
     def render(self, map_T_camera: NDArray[np.float64], moving: Scene | None = None) -> Rendering:
@@ -59,11 +59,10 @@ class Renderer:
         scene, facing = self._scene, self._normals
         if moving is not None:
             scene = scene.joined(moving)
-            facing = np.concatenate([facing, _normals(moving.triangles)])
+            facing = np.concatenate([facing, _normals(moving.triangles)], axis=1)
         shape = (self.camera.height, self.camera.width)
         pose = map_T_camera.astype(np.float32)
-        # Not `@`: for so narrow a matrix the threads of BLAS cost more than they save.
-        directions = np.einsum("ij,kj->ik", self._rays, pose[:3, :3])
+        directions = np.stack([_dot(row, self._rays) for row in pose[:3, :3]])
         projection = self.camera.K @ invert(map_T_camera)[:3]
         depths, found = nearest_triangles(scene.triangles, projection, *shape)
 
@@ -71,17 +70,19 @@ class Renderer:
         nothing = triangles < 0
         # A ray advances one meter along the optical axis per unit of length.
         depth = np.where(nothing, np.nan, depths.ravel()).astype(np.float32)
-        points = pose[:3, 3] + depth[:, np.newaxis] * directions
-        cosine = np.einsum("ij,ij->i", directions, facing[triangles]) / self._lengths
+        points = pose[:3, 3:] + depth * directions
+        normals = facing.take(triangles, axis=1, mode="wrap")
+        cosine = _dot(directions, normals) / self._lengths
         instances = scene.instances[triangles]
         instances[nothing] = BACKGROUND
         incidence = np.arccos(np.minimum(np.abs(cosine), 1))
         incidence[nothing] = np.nan
-        color = self._shade(points, scene, triangles, facing[triangles])
-        color[nothing] = SKY
+        color = self._shade(points, scene, triangles, normals)
+        color[:, nothing] = SKY[:, np.newaxis]
+        color = np.round(255 * np.clip(color, 0, 1)).astype(np.uint8)
         return Rendering(
             depth=depth.reshape(shape),
-            color=np.round(255 * np.clip(color, 0, 1)).astype(np.uint8).reshape(*shape, 3),
+            color=np.ascontiguousarray(color.T).reshape(*shape, 3),
             instances=instances.reshape(shape),
             incidence=incidence.reshape(shape),
         )
@@ -94,23 +95,31 @@ class Renderer:
         normals: NDArray[np.float32],
     ) -> NDArray[np.float32]:
         """Return Lambert shading: light from all around, a little more from above, and a lamp."""
-        to_lamp = self._shadows.lamp.astype(np.float32) - points
-        facing = np.einsum("ij,ij->i", normals, to_lamp)
-        facing /= np.sqrt(np.einsum("ij,ij->i", to_lamp, to_lamp))
+        to_lamp = self._shadows.lamp.astype(np.float32)[:, np.newaxis] - points
+        facing = _dot(normals, to_lamp)
+        facing /= np.sqrt(_dot(to_lamp, to_lamp))
         lit = np.flatnonzero(facing > 0)
-        facing[lit[self._shadows.cover(points[lit] + 1e-3 * normals[lit])]] = 0
-        light = _AMBIENT + _FROM_ABOVE * normals[:, 2] + _FROM_LAMP * np.maximum(facing, 0)
+        above = points[:, lit] + 1e-3 * normals[:, lit]
+        facing[lit[self._shadows.cover(np.ascontiguousarray(above.T))]] = 0
+        light = _AMBIENT + _FROM_ABOVE * normals[2] + _FROM_LAMP * np.maximum(facing, 0)
         boards = np.flatnonzero(scene.is_floor[triangles])
-        light[boards] *= _boards(points[boards])
-        shaded: NDArray[np.float32] = scene.colors[triangles] * light[:, np.newaxis]
+        light[boards] *= _boards(points[:, boards])
+        colors = np.ascontiguousarray(scene.colors.T).take(triangles, axis=1, mode="wrap")
+        shaded: NDArray[np.float32] = colors * light
         return shaded
 
 
+def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the products of vectors; shapes (3,) or (3, N), which is quicker than (N, 3)."""
+    product: NDArray[np.float32] = one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+    return product
+
+
 def _rays(camera: Camera) -> NDArray[np.float32]:
-    """Return a direction per pixel in the optical frame with z = 1, row-major, shape (H * W, 3)."""
+    """Return a direction per pixel in the optical frame with z = 1, row-major, shape (3, H * W)."""
     u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     pixels = np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
-    return np.ascontiguousarray(np.linalg.solve(camera.K, pixels).T, dtype=np.float32)
+    return np.linalg.solve(camera.K, pixels).astype(np.float32)
 
 
 def _lamp(scene: Scene) -> NDArray[np.float32]:
@@ -122,16 +131,16 @@ def _lamp(scene: Scene) -> NDArray[np.float32]:
 
 
 def _normals(triangles: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the outward unit normal of each triangle, shape (T, 3)."""
+    """Return the outward unit normal of each triangle, shape (3, T)."""
     a, b, c = np.moveaxis(triangles.astype(np.float64), 1, 0)
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals / np.maximum(lengths, 1e-20), dtype=np.float32)
+    return np.ascontiguousarray((normals / np.maximum(lengths, 1e-20)).T, dtype=np.float32)
 
 
 def _boards(points: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return how bright the floor board under each point is: every board a little different."""
-    row = np.floor(points[:, 1] / _BOARD)
-    column = np.floor(points[:, 0] / 1.2 + 0.37 * row)
+    row = np.floor(points[1] / _BOARD)
+    column = np.floor(points[0] / 1.2 + 0.37 * row)
     tone = np.abs(np.sin(12.9898 * row + 78.233 * column))
     return np.asarray(0.86 + 0.14 * tone, dtype=np.float32)

@@ -92,7 +92,19 @@ def _draw(
             c0 = planes[0, 1] * v + planes[0, 2]
             c1 = planes[1, 1] * v + planes[1, 2]
             c2 = planes[2, 1] * v + planes[2, 2]
-            for u in range(left, right + 1):
+            # Of the row, only what lies between the edges is tried, give or take a pixel.
+            begin, end = float(left), float(right)
+            for k in range(3):
+                slope, start = planes[k, 0], planes[k, 1] * v + planes[k, 2]
+                if slope > 0:
+                    begin = max(begin, np.floor(-start / slope) - 1)
+                elif slope < 0:
+                    end = min(end, np.ceil(-start / slope) + 1)
+                elif start < 0:
+                    end = -1.0
+            if begin > end:
+                continue
+            for u in range(int(begin), int(end) + 1):
                 e0 = planes[0, 0] * u + c0
                 e1 = planes[1, 0] * u + c1
                 e2 = planes[2, 0] * u + c2
