@@ -79,10 +79,10 @@ class Renderer:
         incidence[nothing] = np.nan
         color = self._shade(points, scene, triangles, normals)
         color[:, nothing] = SKY[:, np.newaxis]
-        color = np.round(255 * np.clip(color, 0, 1)).astype(np.uint8)
+        pixels = np.round(255 * np.clip(color, 0, 1)).astype(np.uint8)
         return Rendering(
             depth=depth.reshape(shape),
-            color=np.ascontiguousarray(color.T).reshape(*shape, 3),
+            color=np.ascontiguousarray(pixels.T).reshape(*shape, 3),
             instances=instances.reshape(shape),
             incidence=incidence.reshape(shape),
         )
