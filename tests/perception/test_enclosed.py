@@ -161,6 +161,16 @@ def test_a_thing_far_behind_another_in_the_same_box_is_left_out() -> None:
     assert shares(found, shown == 2) == pytest.approx((1, 1), abs=0.03)
 
 
+def test_what_hides_the_middle_of_a_thing_is_not_a_part_of_it() -> None:
+    hidden = (-0.3, 0.0, 1.6, 0.3, 0.3, 1.7)  # one sees its left and its right end
+    upper, lower = (-0.14, -0.02, 1.1, 0.14, 0.18, 1.15), (-0.14, 0.18, 1.2, 0.14, 0.6, 1.25)
+    depth, shown = look(FLOOR, WALL, hidden, upper, lower)
+    behind = shown == 2
+    found = cut(depth, [box_of(shown >= 3), box_of(behind)])
+    assert shares(found[1], behind) == pytest.approx((1, 1), abs=0.05)
+    assert shares(found[0], shown == 4) == pytest.approx((1, 1), abs=0.05)
+
+
 def test_a_book_on_a_table_is_what_its_box_cuts_out_of_the_table() -> None:
     depth, _ = look(FLOOR, WALL, TABLE)
     book = [140.0, 165.0, 180.0, 180.0]

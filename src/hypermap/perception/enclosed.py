@@ -1,7 +1,8 @@
 """Which surfaces belong to a detected object: those that its box encloses.
 
 An object ends where its box ends, and the background continues past it. A surface in several boxes
-belongs to the smallest: the cup to its own box, not to that of the table below it. A box that
+belongs to the smallest: the cup to its own box, not to that of the table below it. But what hides
+the middle of an object is not a part of it: an object fills its box from end to end. A box that
 encloses nothing may still cut its object out of a larger surface.
 """
 
@@ -21,6 +22,8 @@ from hypermap.perception.surfaces import Surfaces, find_surfaces
 
 SPECK = 8  # smaller surfaces, in pixels, are noise at the edges of others
 FLAT_SHARE = 0.8  # of a box that shows only one plane
+MAIN_SHARE = 0.1  # of the pixels of the largest surface: a main part of an object
+BETTER = 0.2  # more intersection over union with the box: surfaces that fit it clearly better
 
 
 def cut_out(
@@ -109,12 +112,39 @@ def _together(
     camera: Camera,
     config: PerceptionConfig,
 ) -> IntArray:
-    """Return the surface that fits the box best, and the others at about the same depth."""
-    main = own[np.argmax(_iou(inside.extents[own], box))]
-    depth = inside.depths[main]
+    """Return the surface that fits the box best, and the others at about the same depth.
+
+    Those at another depth are the object instead if together they fit the box clearly better, as
+    the two ends of a thing whose middle is hidden.
+    """
+    extents, sizes, depths = inside.extents[own], inside.sizes[own], inside.depths[own]
     width, height = (box[2] - box[0]) / camera.K[0, 0], (box[3] - box[1]) / camera.K[1, 1]
-    max_offset = config.max_offset * max(width, height) * depth
-    return np.asarray(own[np.abs(inside.depths[own] - depth) <= max_offset])
+    max_offset = config.max_offset * max(width, height)
+    main = np.argmax(_iou(extents, box))
+    usual = np.abs(depths - depths[main]) <= max_offset * depths[main]
+    if usual.all():
+        return own
+    fit = _iou(_extent(extents, usual[np.newaxis]), box)[0]
+    if fit + BETTER < 1:
+        mains = depths[sizes >= MAIN_SHARE * sizes.max(), np.newaxis]
+        others = np.abs(depths - mains) <= max_offset * mains
+        fits = _iou(_extent(extents, others), box)
+        best = np.argmax(fits)
+        if fits[best] > fit + BETTER:
+            return np.asarray(own[others[best]])
+    return np.asarray(own[usual])
+
+
+def _extent(extents: IntArray, together: BoolArray) -> IntArray:
+    """Return the extent of each of M groups of N surfaces, shape (M, 4).
+
+    Args:
+        extents: of the surfaces, shape (N, 4).
+        together: which surfaces are in each group, shape (M, N).
+    """
+    is_in = together[..., np.newaxis]
+    low = np.where(is_in, extents[:, :2], np.iinfo(np.int64).max).min(axis=1)
+    return np.hstack([low, np.where(is_in, extents[:, 2:], 0).max(axis=1)])
 
 
 def _flat(inside: _Inside, planes: int) -> IntArray:
