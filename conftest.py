@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from _pytest.doctest import DoctestModule
 
 # Modules that need what is not installed everywhere already to be imported.
 collect_ignore_glob = [
@@ -71,6 +72,15 @@ def pytest_configure(config: pytest.Config) -> None:
         home = Path(tempfile.mkdtemp(prefix="hypermap-home-"))
         config.add_cleanup(lambda: shutil.rmtree(home, ignore_errors=True))
         os.environ["HOME"] = str(home)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path: Path) -> Generator[None, Any, Any]:
+    """Look for examples where there are any: to import the other modules takes seconds."""
+    collectors = yield
+    if file_path.suffix != ".py" or ">>> " in file_path.read_text(encoding="utf-8"):
+        return collectors
+    return [each for each in collectors if not isinstance(each, DoctestModule)]
 
 
 @pytest.hookimpl(trylast=True)
