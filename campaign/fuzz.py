@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import shutil
@@ -18,9 +19,8 @@ from campaign.part import Budget, Finding, Result
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 SHORT_RUNS = 15  # of each target, beside its examples
-_START = 10.0  # seconds in which a process imports, warms up and ends
-_LEAST = 5.0  # seconds, however short the time is
-_PATIENCE = 300.0  # seconds beyond that, until a process counts as hanging
+_LEAST = 5.0  # seconds for a target, however little time is left
+_PATIENCE = 300.0  # seconds beyond its time, until a process counts as hanging
 
 
 def run(budget: Budget) -> Result:
@@ -31,12 +31,18 @@ def run(budget: Budget) -> Result:
 def fuzz(budget: Budget, names: Sequence[str]) -> Result:
     """Fuzz some targets, as many at a time as there are cores; see `run`."""
     workers = os.cpu_count() or 1
-    share = max(budget.seconds * workers / len(names) - _START, _LEAST)
+    ends, begun = time.monotonic() + budget.seconds, itertools.count()
+
+    def one_of(name: str) -> dict[str, Any] | None:
+        """Give a target its share of what is left: some take long to begin on a busy machine."""
+        left = (ends - time.monotonic()) * workers / (len(names) - next(begun))
+        return _of_process(name, max(min(left, ends - time.monotonic()), _LEAST), budget)
+
     runs, refused, slowest, way = 0, 0, (0.0, ""), ""
     findings: list[Finding] = []
     figures: dict[str, float | str] = {}
     with ThreadPoolExecutor(workers) as pool:
-        answers = pool.map(lambda name: _of_process(name, share, budget), names)
+        answers = pool.map(one_of, names)
         for name, one in zip(names, answers, strict=True):
             now = budget.folder / name / "now"
             if one is None:
@@ -73,7 +79,7 @@ def _of_process(name: str, seconds: float, budget: Budget) -> dict[str, Any] | N
             command,
             cwd=CHECKOUT,
             stdout=subprocess.PIPE,
-            timeout=seconds + _START + _PATIENCE,
+            timeout=seconds + _PATIENCE,
             check=False,
         )
     except subprocess.TimeoutExpired:

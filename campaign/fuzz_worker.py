@@ -2,8 +2,9 @@
 
     python -m campaign.fuzz_worker TARGET SECONDS SEED FOLDER [RUNS]
 
-It keeps what it finds in FOLDER, and says on standard output in one line of JSON what it did. What
-it is asking at the moment lies in FOLDER/now, should it hang or die.
+SECONDS count from its start, but it asks at least once after it has warmed up. It keeps what it
+finds in FOLDER, and says on standard output in one line of JSON what it did. What it is asking at
+the moment lies in FOLDER/now, should it hang or die.
 """
 
 from __future__ import annotations
@@ -117,6 +118,7 @@ def described(error: BaseException) -> str:
 def main() -> None:
     """Fuzz a target until the time is over, and say what was found."""
     name, seconds, seed, folder, *runs = sys.argv[1:]
+    ends = time.monotonic() + float(seconds)
     warnings.simplefilter("ignore")
     said = os.dup(1)  # libFuzzer and what it calls write on the others
     with contextlib.suppress(OSError):
@@ -135,7 +137,7 @@ def main() -> None:
             target = target_of(name, Path(scratch))
             tries = Tries(target.ask, kept)
             tries.warm_up(target.corpus)  # which imports what the program imports when it needs it
-        arguments = tries, target, float(seconds), int(seed)
+        arguments = tries, target, ends, int(seed)
         if guide is not None:
             _guided(guide, *arguments, kept, partial(_end, said, target, name, tries, scratch))
         _at_random(*arguments, int(runs[0]) if runs else None)
@@ -165,12 +167,9 @@ def _end(handle: int, target: Any, name: str, tries: Tries, scratch: str) -> Non
     os._exit(0)
 
 
-def _at_random(
-    tries: Tries, target: Any, seconds: float, seed: int, runs: int | None = None
-) -> None:
-    """Spoil examples without a guide: for a time, or so many of them."""
+def _at_random(tries: Tries, target: Any, ends: float, seed: int, runs: int | None = None) -> None:
+    """Spoil examples without a guide: until a time, or so many of them."""
     draw = random.Random(seed)
-    ends = time.monotonic() + seconds
     corpus, known = list(target.corpus), tries.runs
     while (tries.runs < runs + known) if runs is not None else (time.monotonic() < ends):
         data = spoiled(draw.choice(corpus), target, corpus, draw)
@@ -195,7 +194,7 @@ def _guided(
     guide: Any,
     tries: Tries,
     target: Any,
-    seconds: float,
+    ends: float,
     seed: int,
     kept: Path,
     end: Callable[[], None],
@@ -207,7 +206,6 @@ def _guided(
     corpus.mkdir(exist_ok=True)
     for number, data in enumerate(target.corpus):
         (corpus / f"example-{number}").write_bytes(data)
-    ends = time.monotonic() + seconds
 
     def once(data: bytes) -> None:
         tries(data)

@@ -132,7 +132,7 @@ class _Campaign:
         self._budget = budget
         self._draw = random.Random(budget.seed)
         self._ends = self._next = time.monotonic() + budget.seconds
-        self._runs = 0
+        self._runs = self._ways = 0
         self._slowest = (0.0, "")
         self._found: dict[str, Finding] = {}
         self._figures: dict[str, float | str] = {}
@@ -157,8 +157,8 @@ class _Campaign:
             place.mkdir()
             (place / "sources").symlink_to(root / "sources")
             trials.append(Trial(way, place))
-        for trial in trials:
-            trial.prepare()
+        trials = [trial for trial in trials if self._is_ready(trial)]
+        self._ways = max(1, len(trials))
         operations = sum(trial.operations for trial in trials)
         self._figures["ways to save"] = len(trials)
         self._figures["operations on files"] = operations
@@ -184,13 +184,27 @@ class _Campaign:
         self._figures["slowest"] = f"{self._slowest[0]:.2f} s ({self._slowest[1]})"
         return Result("kill", self._runs, list(self._found.values()), self._figures)
 
+    def _is_ready(self, trial: Trial) -> bool:
+        """Prepare a trial; that a way cannot even save in peace is a finding, and others go on."""
+        try:
+            trial.prepare()
+        except RuntimeError as error:
+            self._found[trial.way.name] = Finding(str(error), self._budget.seed)
+            return False
+        return True
+
+    @property
+    def _is_late(self) -> bool:
+        """Whether the time is over, so that each kind of fault is tried once only."""
+        return not self._budget.short and time.monotonic() > self._ends
+
     def _steps(self, count: int) -> Iterator[int]:
         """Yield the operations to fail at, in any order; where time is short, fewer of them."""
         if self._budget.short:
             yield from range(self._draw.randrange(_SHORT_STEP), count, _SHORT_STEP)
             return
         for done, number in enumerate(self._draw.sample(range(count), count)):
-            if time.monotonic() > self._next and done >= _FEWEST:
+            if time.monotonic() > self._next and done >= (1 if self._is_late else _FEWEST):
                 return
             yield number
 
@@ -225,6 +239,8 @@ class _Campaign:
             trial.again()
             what = f"{'killed' if kills else 'disk full'} at {size} bytes of a file"
             self._try(trial, what, partial(full_disk, size, kills=kills))
+            if self._is_late:
+                return
 
     def _read_only(self, trial: Trial) -> None:
         trial.again()
@@ -268,7 +284,7 @@ class _Campaign:
                 break
 
     def _at_random_times(self, trial: Trial) -> None:
-        count = 3 if self._budget.short else RANDOM_KILLS // len(ways()) + 1
+        count = 3 if self._budget.short else RANDOM_KILLS // self._ways + 1
         trial.again()
         started = time.monotonic()
         in_a_process(partial(trial.way.save, trial.folder, 1))
@@ -278,6 +294,8 @@ class _Campaign:
             patience = self._draw.uniform(0.0, 1.2 * usual)
             what = "killed at a random time"
             self._try(trial, what, partial(_die_after, patience))
+            if self._is_late:
+                return
 
 
 def _die_after(seconds: float) -> None:
