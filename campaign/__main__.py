@@ -19,7 +19,15 @@ from campaign.own_process import row_of
 from campaign.part import Budget
 
 # Each part, and its share of the time. A part is a module with a function `run(budget)`.
-PARTS = {"kill": 3, "fuzz": 8, "differential": 1, "long_runs": 3, "readers": 1, "world_faults": 2}
+PARTS = {
+    "kill": 3,
+    "store": 1,
+    "fuzz": 8,
+    "differential": 1,
+    "long_runs": 3,
+    "readers": 1,
+    "world_faults": 2,
+}
 MINUTES, SHORT_MINUTES = 60.0, 2.0
 CHECKOUT = Path(__file__).resolve().parent.parent
 FOUND, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes

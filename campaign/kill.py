@@ -293,12 +293,12 @@ class _Campaign:
             trial.again()
             patience = self._draw.uniform(0.0, 1.2 * usual)
             what = "killed at a random time"
-            self._try(trial, what, partial(_die_after, patience))
+            self._try(trial, what, partial(die_after, patience))
             if self._is_late:
                 return
 
 
-def _die_after(seconds: float) -> None:
+def die_after(seconds: float) -> None:
     """Be killed by another process after a while."""
     victim = os.getpid()
     if os.fork() == 0:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -124,6 +126,33 @@ def test_a_save_that_writes_in_place_is_found_out(tmp_path: Path) -> None:
     trial.prepare()
     assert trial.operations == 2
     assert any("cannot be read" in problem for problem in kill_at_operations(trial))
+
+
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_a_spool_that_loses_what_it_took_is_found_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("psycopg", reason="psycopg is missing")
+    from campaign.sqlite_faults import is_reachable
+    from campaign.store import spool_problem
+
+    if not is_reachable():
+        pytest.skip("Python's SQLite is built in")
+    from hypermap.fleet.store.spool import Spool
+
+    _, count = spool_problem(tmp_path / "spool", None)
+    assert count > 30
+    for at, fault in ((count // 2, "once"), (count // 3, "for good"), (count - 9, "kill")):
+        assert spool_problem(tmp_path / "spool", at, fault) == ("", 0 if fault == "kill" else ANY)
+    right = Spool.put
+
+    def wrong(spool: Spool, observed: object) -> None:
+        with contextlib.suppress(HypermapError):
+            right(spool, observed)
+
+    monkeypatch.setattr(Spool, "put", wrong)
+    problems = [spool_problem(tmp_path / "spool", at, "once")[0] for at in range(20, 40, 8)]
+    assert "1 of 4 observations are lost" in problems
 
 
 @pytest.mark.parametrize(
