@@ -36,6 +36,7 @@ class Here:
     """A worker that is this process."""
 
     count = 1
+    threads = 2
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         future: Future[Any] = Future()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from hypermap.cli.finding_options import Detector, Profile
 from hypermap.cli.options import AsJson
 from hypermap.cli.signals import stop_on_signal
 from hypermap.cli.terminal import err, note, out, say_json, table
+from hypermap.cli.worker_options import MOST_WORKERS, Address, opened_workers
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted, printable
 
@@ -63,11 +63,12 @@ def command(
             "--workers",
             metavar="N",
             min=1,
-            max=256,
+            max=MOST_WORKERS,
             show_default="one per core",
             help="Number of processes: so many recordings are mapped at a time.",
         ),
     ] = None,
+    address: Address = None,
     as_json: AsJson = False,
 ) -> None:
     """Map many recordings, several at a time.
@@ -83,12 +84,12 @@ def command(
     Examples:
         hypermap batch recordings -o maps
         hypermap batch jobs.yaml -o maps --workers 4
+        hypermap batch jobs.yaml -o maps --address 10.0.0.1:6379
         hypermap batch recordings -o losses --set evidence.loss=0.1,0.2,0.3
     """
     from hypermap.fleet.batch.batch import run_batch
     from hypermap.fleet.batch.jobs import jobs_in, swept
     from hypermap.fleet.batch.table import rows_of, summary, write_tables
-    from hypermap.fleet.workers import Processes
 
     common = {"detector": detector, "profile": profile and profile.value, "objects": objects}
     given = {key: value for key, value in common.items() if value is not None}
@@ -96,8 +97,10 @@ def command(
     _check_folder(output)
     began = time.monotonic()
     with stop_on_signal() as stop:
-        count = min(workers or os.cpu_count() or 1, len(jobs))
-        with Processes(count) as pool, _progress(jobs, count) as report:
+        with (
+            opened_workers(workers, address, len(jobs)) as pool,
+            _progress(jobs, min(pool.count, len(jobs))) as report,
+        ):
             results = run_batch(jobs, output, pool, report, lambda: stop.is_wanted)
         write_tables(results, output)
     note(f"{summary(results)} in {time.monotonic() - began:.0f} s; saved in {output}")

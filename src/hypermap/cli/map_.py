@@ -34,6 +34,7 @@ from hypermap.cli.recording_options import RecordingRequest, takes_recording_opt
 from hypermap.cli.signals import Stop, stop_on_signal
 from hypermap.cli.terminal import note
 from hypermap.cli.watching import Browser, Port, View, watching
+from hypermap.cli.worker_options import MOST_WORKERS, Address, opened_workers
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted, printable
 
@@ -51,8 +52,6 @@ if TYPE_CHECKING:
     from hypermap.perception.embedders.embedder import Embedder
     from hypermap.perception.frame import DetectionSource
     from hypermap.perception.recording import PendingRecording, Recording
-
-MOST_WORKERS = 256  # a computer has no more cores
 
 
 @takes_recording_options
@@ -145,15 +144,17 @@ def command(
         bool, typer.Option("--strict", help="Stop at the first frame that fails.")
     ] = False,
     workers: Annotated[
-        int,
+        int | None,
         typer.Option(
             "--workers",
             metavar="N",
             min=1,
             max=MOST_WORKERS,
+            show_default="1; with --address one per core there",
             help="Number of processes: they look at frames ahead; the map is the same.",
         ),
-    ] = 1,
+    ] = None,
+    address: Address = None,
     force: ForceMap = False,
     log: Log = None,
     view: View = False,
@@ -189,6 +190,7 @@ def command(
         hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --level auto -o heads.hmap
         hypermap map drive.bag --detector yolox-nano --workers 8 -o office.hmap
+        hypermap map drive.bag --detector yolox-nano --address 10.0.0.1:6379 -o office.hmap
         hypermap map drive.bag --value /temperature --value /wifi:rssi,unit=dBm -o office.hmap
     """
     from hypermap.mapping.preflight import Preflight
@@ -229,6 +231,7 @@ def command(
         max_bad=0.0 if strict else max_bad,
         embedder=_embedder(embedder),
         workers=workers,
+        address=address,
     )
     frames = len(recording)  # which reads a bag through once
     name, notes = recording.path.name, PreflightNotes()
@@ -262,7 +265,8 @@ class _Job:
     onto: Path | None
     max_bad: float
     embedder: Embedder | None
-    workers: int
+    workers: int | None
+    address: str | None
 
 
 @dataclass(frozen=True)
@@ -357,13 +361,12 @@ def _make_map(
 @contextmanager
 def _looking_ahead(job: _Job) -> Iterator[LookedAtAhead | None]:
     """Yield the recording as workers look at it, if there are to be any."""
-    if job.workers == 1:
+    if job.workers in (None, 1) and job.address is None:
         yield None
         return
     from hypermap.fleet.ahead import LookedAtAhead
-    from hypermap.fleet.workers import Processes
 
-    with Processes(job.workers) as workers:
+    with opened_workers(job.workers, job.address, MOST_WORKERS) as workers:
         yield LookedAtAhead(job.recording, workers, job.origin)
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import copy
 import logging
-import os
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -71,14 +70,13 @@ class LookedAtAhead(SameRecording):
 
     def begin(self, mapper: Mapper) -> None:
         """Look at frames as this mapper would, from now on."""
-        threads = max(1, (os.cpu_count() or 1) // self._workers.count)
         self._look = Look(
             self._origin,
             mapper.perceiver.perception,
             mapper.perceiver.occupancy,
             mapper.corrects_poses,
             mapper.perceiver.is_watched,
-            threads,
+            self._workers.threads,
         )
         self._decided = copy.copy(mapper.keyframes)  # up to the newest frame that was yielded
         self._expected = copy.copy(mapper.keyframes)  # up to the newest one that was sent

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import pickle
+import os
 import queue
 import signal
 import threading
-import traceback
 from collections.abc import Callable
 from concurrent.futures import Future
 from multiprocessing.connection import Connection
@@ -17,6 +16,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from hypermap.core.errors import HypermapError
+from hypermap.fleet.calls import answer, packed, resolve
 
 T = TypeVar("T")
 
@@ -41,15 +41,22 @@ class Workers(Protocol):
 
     Attributes:
         count: how many run at a time.
+        threads: how many threads each may use.
     """
 
     count: int
+    threads: int
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Run a function when a worker is free; `WorkerDied` if each one dies over it."""
 
     def close(self) -> None:
         """End all workers, and what they are doing."""
+
+
+def cores() -> int:
+    """Return how many cores this computer has."""
+    return os.cpu_count() or 1
 
 
 class _Task(NamedTuple):
@@ -65,10 +72,12 @@ class Processes:
 
     Attributes:
         count: how many there are.
+        threads: how many threads each may use: the cores, divided among them.
     """
 
     def __init__(self, count: int) -> None:
         self.count = count
+        self.threads = max(1, cores() // count)
         self._tasks: queue.SimpleQueue[_Task | None] = queue.SimpleQueue()
         self._workers = [_Worker() for _ in range(count)]
         self._is_closed = False
@@ -119,17 +128,20 @@ class Processes:
                 self._do(worker, task)
 
     def _do(self, worker: _Worker, task: _Task) -> None:
+        try:
+            call = packed(task.function, task.arguments)
+        except Exception as error:  # it cannot be pickled
+            task.future.set_exception(error)
+            return
         for _ in range(TRIES):
             try:
-                is_done, result = worker.run(task.function, task.arguments)
+                answered = worker.answer(call)
             except (EOFError, OSError):  # it is not there any more
                 if self._is_closed:
                     break
                 worker.begin()
                 continue
-            except Exception as error:  # it cannot be pickled
-                is_done, result = False, error
-            task.future.set_result(result) if is_done else task.future.set_exception(result)
+            resolve(task.future, answered)
             return
         task.future.set_exception(WorkerDied())
 
@@ -149,17 +161,14 @@ class _Worker:
         self.process.start()
         other.close()
 
-    def run(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[bool, Any]:
-        """Return whether a function returned, and its result, or else its exception.
+    def answer(self, call: bytes) -> bytes:
+        """Return what the process answers to a call.
 
         Raises:
             OSError: If the process is not there any more; EOFError if it ended meanwhile.
         """
-        self._connection.send_bytes(pickle.dumps((function, arguments), protocol=5))
-        is_done, result, trace = pickle.loads(self._connection.recv_bytes())
-        if not is_done and trace:
-            result.__cause__ = RuntimeError(f"in a worker:\n{trace}")
-        return is_done, result
+        self._connection.send_bytes(call)
+        return self._connection.recv_bytes()
 
     def end(self) -> None:
         """End the process."""
@@ -173,17 +182,4 @@ def _work(connection: Connection) -> None:
         signal.signal(number, signal.SIG_IGN)  # they go to all processes of a terminal
     with contextlib.suppress(EOFError, OSError):
         while True:
-            connection.send_bytes(_answer(connection.recv_bytes()))
-
-
-def _answer(request: bytes) -> bytes:
-    try:
-        function, arguments = pickle.loads(request)
-        return pickle.dumps((True, function(*arguments), ""), protocol=5)
-    except Exception as error:
-        trace = "" if isinstance(error, HypermapError) else traceback.format_exc()
-        try:
-            pickle.loads(answer := pickle.dumps((False, error, trace)))
-        except Exception:  # it does not travel
-            return pickle.dumps((False, RuntimeError(repr(error)), trace))
-        return answer
+            connection.send_bytes(answer(connection.recv_bytes()))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import queue
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -69,12 +68,11 @@ def run_batch(
         HypermapError: If a map cannot be saved.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    threads = max(1, (os.cpu_count() or 1) // workers.count)
     ended: queue.SimpleQueue[tuple[int, Future[Done]]] = queue.SimpleQueue()
     results = [Result(job, "not begun", {}) for job in jobs]
     futures = []
     for index, job in enumerate(jobs):
-        future = workers.submit(run, job, _known(folder, job).get("key"), threads)
+        future = workers.submit(run, job, _known(folder, job).get("key"), workers.threads)
         future.add_done_callback(partial(_put, ended, index))
         futures.append(future)
     open_jobs = len(jobs)

@@ -27,7 +27,10 @@ SCHEMA_VERSION = "1"
 
 _OF_THE_QUESTION = ("LINE ", "^", "CONTEXT")
 _CONNECT_SECONDS = 10
-_SESSION = "-c search_path=hypermap,public -c timezone=UTC -c plan_cache_mode=force_custom_plan"
+# No jit: it takes longer than a look-up by indexes.
+_SESSION = (
+    "-c search_path=hypermap,public -c timezone=UTC -c plan_cache_mode=force_custom_plan -c jit=off"
+)
 
 
 class Database:

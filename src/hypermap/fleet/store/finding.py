@@ -6,13 +6,13 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import as_objects
 from hypermap.core.errors import HypermapError, MissingExtra
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer
@@ -26,32 +26,30 @@ if TYPE_CHECKING:
 IN_ITS_WALL = 0.5
 """How far from a room something may be that is in it [m], as in its wall."""
 
+# The columns are those of a `Sighting`. A room is looked up only where the site has some.
 _QUESTION = """
-SELECT sites.name, layers.name, found.id, found.name, found.x, found.y,
-    ST_Distance(found.shape, asked.point), coalesce(room.name, ''), found.last_seen,
-    ST_AsBinary(found.shape)
-FROM (SELECT ST_SetSRID(ST_MakePoint(%(x)s, %(y)s), 990001) AS point) AS asked, objects AS found
-JOIN layers ON layers.id = found.layer_id
-JOIN sites ON sites.id = layers.site_id
+SELECT sites.name, layers.name, objects.id, objects.name, objects.x, objects.y,
+    ST_Distance(shape, ST_SetSRID(ST_MakePoint(%(x)s, %(y)s), 990001)),
+    CASE WHEN plan.id IS NULL THEN '' ELSE coalesce((
+        SELECT rooms.name FROM objects AS rooms
+        WHERE rooms.layer_id = plan.id AND rooms.valid_to IS NULL
+            AND ST_DWithin(rooms.shape, middle.point, %(wall)s)
+        ORDER BY rooms.shape <-> middle.point LIMIT 1
+    ), '') END, last_seen, ST_AsBinary(shape)
+FROM objects
 CROSS JOIN LATERAL (
-    SELECT ST_SetSRID(ST_MakePoint(found.x, found.y), 990001) AS point
+    SELECT ST_SetSRID(ST_MakePoint(objects.x, objects.y), 990001) AS point
 ) AS middle
+JOIN layers ON layers.id = objects.layer_id
+JOIN sites ON sites.id = layers.site_id
 LEFT JOIN layers AS plan ON plan.site_id = sites.id AND plan.name = 'rooms'
     AND plan.frame_id = layers.frame_id
-LEFT JOIN LATERAL (
-    SELECT rooms.name FROM objects AS rooms
-    WHERE rooms.layer_id = plan.id AND rooms.valid_to IS NULL
-        AND ST_DWithin(rooms.shape, middle.point, %(wall)s)
-    ORDER BY rooms.shape <-> middle.point LIMIT 1
-) AS room ON true
-WHERE found.valid_to IS NULL AND found.name = ANY (%(names)s) AND layers.name <> 'rooms'
-    AND (found.last_seen < %(before)s::float8 OR %(before)s::float8 IS NULL)
-ORDER BY sites.name, 7, found.id
+WHERE valid_to IS NULL AND objects.name = ANY (%(names)s) AND layers.name <> 'rooms'
+    AND (last_seen < %(before)s::float8 OR %(before)s::float8 IS NULL)
 """
 
 
-@dataclass(frozen=True, eq=False)
-class Sighting:
+class Sighting(NamedTuple):
     """A thing that was found at a site.
 
     Attributes:
@@ -63,7 +61,7 @@ class Sighting:
         distance: from the point in question to its shape, in the frame of its site [m].
         room: the room that it is in; empty if in none.
         last_seen: stamp [s]; None if not known.
-        shape: its outline.
+        wkb: its outline, as well-known binary.
     """
 
     site: str
@@ -75,7 +73,12 @@ class Sighting:
     distance: float
     room: str
     last_seen: float | None
-    shape: BaseGeometry
+    wkb: bytes
+
+    @property
+    def shape(self) -> BaseGeometry:
+        """Its outline in the frame of its site."""
+        return shapely.from_wkb(self.wkb)
 
 
 @dataclass(frozen=True)
@@ -120,13 +123,9 @@ def find_in_store(
         before=last_seen_before,
         wall=IN_ITS_WALL,
     )
-    shapes = shapely.from_wkb(as_objects(row[-1] for row in rows))
-    found = [
-        Sighting(site, layer, number, name, x, y, distance, room, seen, shape)
-        for (site, layer, number, name, x, y, distance, room, seen, _), shape in zip(
-            rows, shapes, strict=True
-        )
-    ]
+    found = sorted(map(Sighting._make, rows), key=attrgetter("site", "distance", "id"))
+    if last_seen_before is None:
+        return found
     return [each for each in found if _is_unseen(each, last_seen_before)]
 
 
@@ -217,7 +216,7 @@ def as_geodataframe(found: Sequence[Sighting]) -> GeoDataFrame:
         raise MissingExtra("a GeoDataFrame", "geo") from None
     keys = ("site", "layer", "id", "name", "x", "y", "distance", "room", "last_seen")
     columns: dict[str, Any] = {key: [getattr(each, key) for each in found] for key in keys}
-    return geopandas.GeoDataFrame(columns, geometry=[each.shape for each in found])
+    return geopandas.GeoDataFrame(columns, geometry=shapely.from_wkb([each.wkb for each in found]))
 
 
 def _in_map(
@@ -243,7 +242,7 @@ def _in_map(
                 float(found.distance or 0.0),
                 "" if room is None else room.name,
                 found.object.last_seen,
-                found.object.footprint,
+                shapely.to_wkb(found.object.footprint),
             )
         )
     return here
