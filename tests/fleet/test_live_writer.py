@@ -137,7 +137,7 @@ def full_spool(path: Path) -> Iterator[sqlite3.Connection]:
 def test_what_the_spool_cannot_take_is_put_when_it_can_again(tmp_path: Path) -> None:
     path, troubles = tmp_path / "spool", []
     with full_spool(path) as file:
-        writer = LiveWriter(lambda: mapped(1, 1), NOWHERE, path, "anna", troubles.append)
+        writer = LiveWriter(lambda: (mapped(1, 1), None), NOWHERE, path, "anna", troubles.append)
         wait_until(lambda: any("disk full; observations wait in memory" in t for t in troubles))
         file.execute("DROP TRIGGER full")
     assert writer.close() == 1
@@ -146,7 +146,7 @@ def test_what_the_spool_cannot_take_is_put_when_it_can_again(tmp_path: Path) -> 
 def test_what_the_spool_never_took_is_said_to_be_lost(tmp_path: Path) -> None:
     path, troubles = tmp_path / "spool", []
     with full_spool(path):
-        writer = LiveWriter(lambda: mapped(1, 1), NOWHERE, path, "anna", troubles.append)
+        writer = LiveWriter(lambda: (mapped(1, 1), None), NOWHERE, path, "anna", troubles.append)
         assert writer.close() == 0
     assert any("disk full; the last observations are lost" in each for each in troubles)
 
@@ -157,7 +157,9 @@ def test_a_database_that_dies_costs_nothing(
     """The robot goes on while the database is dead, and all comes later, once."""
     now, troubles = [mapped(1, 1)], []
     address = parse_address(f"{store}&site={site}")
-    writer = LiveWriter(lambda: now[-1], address, tmp_path / "spool", "anna", troubles.append)
+    writer = LiveWriter(
+        lambda: (now[-1], None), address, tmp_path / "spool", "anna", troubles.append
+    )
     database = Database(address)
 
     def stored() -> int:
@@ -190,7 +192,9 @@ def test_what_waits_is_sent_by_the_next_run(
     store: str, site: str, database: Database, tmp_path: Path
 ) -> None:
     nowhere = parse_address(f"postgresql://owner@/store?host={tmp_path}&site={site}")
-    writer = LiveWriter(lambda: mapped(2, 2), nowhere, tmp_path / "spool", "anna", lambda _: None)
+    writer = LiveWriter(
+        lambda: (mapped(2, 2), None), nowhere, tmp_path / "spool", "anna", lambda _: None
+    )
     assert writer.close() == 1
     spool = Spool(tmp_path / "spool")
     first = spool.first()

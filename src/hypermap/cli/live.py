@@ -171,8 +171,8 @@ def command(
     every --save-every seconds and at the end. The service save_map saves it at once. If the machine
     is too slow, frames are dropped, not queued. --onto continues a map of an earlier run,
     also after a crash; if it is the file of -o, it need not exist at the first start. --store also
-    writes objects and their evidence to a site of a shared store, each second. --value makes layers
-    of what other sensors measure, such as temperature or WiFi. --param sets
+    writes objects, their evidence and the occupancy layer to a site of a shared store, each second.
+    --value makes layers of what other sensors measure, such as temperature or WiFi. --param sets
     parameters of the node. ROS arguments (NAME:=VALUE, --ros-args ...) are passed to ROS.
 
     Examples:
@@ -228,7 +228,7 @@ def _written(
     from hypermap.fleet.store.live_writer import LiveWriter
 
     address = site_address(store)
-    writer = LiveWriter(node.semantic, address, spool, robot or platform.node(), note)
+    writer = LiveWriter(node.mapped, address, spool, robot or platform.node(), note)
     try:
         yield
     finally:

@@ -12,33 +12,44 @@ import numpy as np
 from hypermap.core.errors import HypermapError
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.objects import SemanticObject
+from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.fleet.store.address import Address, StoreError
 from hypermap.fleet.store.observed import Observed
+from hypermap.fleet.store.seen_cells import changed_cells
 from hypermap.fleet.store.spool import Delivery, Spool
 
 _EVERY = 1.0  # s
 
 
 class Changes:
-    """What is new in a layer that grows, each time it is looked at."""
+    """What is new in layers that grow, each time they are looked at."""
 
     def __init__(self, site: str, source: str) -> None:
         self._site = site
         self._source = source
         self._sent: dict[int, SemanticObject] = {}
         self._sent_rows: set[tuple[int, float]] = set()  # object and stamp of each observation
+        self._sent_cells: OccupancyLayer | None = None
 
-    def since_last(self, layer: SemanticLayer) -> Observed | None:
-        """Return what was learned since the last call; None if nothing was."""
+    def since_last(
+        self, layer: SemanticLayer, walls: OccupancyLayer | None = None
+    ) -> Observed | None:
+        """Return what was learned since the last call; None if nothing was.
+
+        Args:
+            layer: the objects.
+            walls: the occupancy layer; None if it is not made of what the robot sees.
+        """
         now = {item.id or 0: item for item in layer}
         changed = [item for n, item in now.items() if not _is_same(self._sent.get(n), item)]
         removed = [number for number in self._sent if number not in now]
         evidence = self._new_evidence(layer)
-        self._sent = now
-        if not changed and not removed and evidence is None:
+        cells = None if walls is None else changed_cells(self._sent_cells, walls)
+        self._sent, self._sent_cells = now, walls
+        if not changed and not removed and evidence is None and cells is None:
             return None
-        return Observed(self._site, layer.name, self._source, changed, removed, evidence)
+        return Observed(self._site, layer.name, self._source, changed, removed, evidence, cells)
 
     def _new_evidence(self, layer: SemanticLayer) -> EvidenceTable | None:
         """Return the observations that were not sent before, also those of an object's start."""
@@ -67,7 +78,8 @@ class LiveWriter:
     """Looks at a live map each second, and sends to a site of a store what is new.
 
     Args:
-        layer: returns the objects that are mapped at the moment.
+        layers: returns what is mapped at the moment: objects, and the occupancy layer, or None
+            for it if it is not made of what the robot sees.
         address: of the site.
         spool: the file in which observations wait for the database.
         robot: the robot's name; each run counts as a source of its own.
@@ -76,7 +88,7 @@ class LiveWriter:
 
     def __init__(
         self,
-        layer: Callable[[], SemanticLayer],
+        layers: Callable[[], tuple[SemanticLayer, OccupancyLayer | None]],
         address: Address,
         spool: Path,
         robot: str,
@@ -84,7 +96,7 @@ class LiveWriter:
     ) -> None:
         if address.site is None:
             raise StoreError(f"{address.shown}: name the site: ?site=SITE")
-        self._layer = layer
+        self._layers = layers
         self._changes = Changes(address.site, f"{robot} {uuid.uuid4().hex[:8]}")
         self._spool = Spool(spool)
         self._delivery = Delivery(self._spool, address, on_trouble)
@@ -119,7 +131,7 @@ class LiveWriter:
     def _look(self) -> None:
         """Put what is new into the spool; what it cannot take is tried again the next time."""
         if self._left is None:
-            self._left = self._changes.since_last(self._layer())
+            self._left = self._changes.since_last(*self._layers())
         if self._left is None:
             return
         try:

@@ -21,6 +21,7 @@ from hypermap.core.evidence import EvidenceTable
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.fleet.store import rows, tables
 from hypermap.fleet.store.database import Database
+from hypermap.fleet.store.seen_cells import ChangedCells, layer_for_cells, put_cells
 from hypermap.fleet.store.sites import add_version
 from hypermap.fleet.store.updates import layer_to_write, locked_site
 from hypermap.mapping.evidence_table import config_of, fused_shapes
@@ -43,6 +44,7 @@ class Observed:
         objects: new or changed ones, with the robot's own ids.
         removed: the robot's ids of objects that are no more.
         evidence: observations since the last time, with the robot's ids; None for none.
+        cells: of the occupancy layer, that have changed since the last time; None for none.
         id: made by the robot, so that the same sent twice is done once.
     """
 
@@ -52,6 +54,7 @@ class Observed:
     objects: Sequence[SemanticObject] = ()
     removed: Sequence[int] = ()
     evidence: EvidenceTable | None = None
+    cells: ChangedCells | None = None
     id: uuid.UUID = field(default_factory=uuid.uuid4)
 
 
@@ -69,7 +72,7 @@ def apply_observed(database: Database, observed: Observed) -> Mapping[str, int]:
 
     Returns:
         How many objects were "added", "changed", "merged" with those of others, "removed", and
-        "kept" as a person has left them.
+        "kept" as a person has left them; and how many "tiles" of cells have changed.
 
     Raises:
         SiteNotFound, LayerNotFound: If there is no such site or layer.
@@ -85,6 +88,10 @@ def apply_observed(database: Database, observed: Observed) -> Mapping[str, int]:
         layer_id = layer_to_write(cursor, site_id, observed.layer)
         writing = _Writing(cursor, layer_id, before + 1, observed)
         outcome = writing.run()
+        if observed.cells is not None:
+            cells_id = layer_for_cells(cursor, database, observed.site, observed.cells)
+            if count := put_cells(cursor, cells_id, before + 1, observed.cells):
+                outcome["tiles"] = count
         add_version(cursor, site_id, before + 1, observed.id, observed.source, outcome)
     return outcome
 

@@ -262,6 +262,22 @@ def _layer_ids(cursor: Cursor[Any], site_id: int, hypermap: Hypermap) -> dict[st
     return {name: number for name, number in found if name in hypermap}
 
 
+def add_layer(cursor: Cursor[Any], database: Database, site: str, layer: Layer) -> int:
+    """Add an empty layer to a site, as a part of its next version; return its id.
+
+    Args:
+        cursor: in a transaction of this database.
+        database: the store.
+        site: the name of the site, which the transaction has locked.
+        layer: of a name that the site has not.
+    """
+    site_id, version = find_site(database, site)
+    before = skeleton_of(database, site_id, version, site)
+    after = before.with_layers([*before, layer])
+    tables.FILES.replace(cursor, site_id, version + 1, files_of_map(after).items())
+    return _layer_ids(cursor, site_id, after)[layer.name]
+
+
 def _write_layer(cursor: Cursor[Any], layer_id: int, layer: Layer, version: int) -> dict[str, int]:
     """Write what a layer holds in rows; return how many changed, by table."""
     content = _content(cursor, layer_id, layer)

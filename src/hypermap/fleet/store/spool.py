@@ -14,25 +14,37 @@ import logging
 import sqlite3
 import threading
 import uuid
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.frames import Pose2D
+from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
+from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.fleet.store.address import Address
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.observed import Observed, apply_observed
 from hypermap.fleet.store.pushing import SiteExists, push
+from hypermap.fleet.store.seen_cells import ChangedCells
 from hypermap.fleet.store.sites import SiteNotFound
 from hypermap.formats.semantic.evidence_file import dump_evidence, parse_evidence
 from hypermap.formats.semantic.geojson import from_geojson, to_geojson
+from hypermap.mapping.stages import OccupancyConfig
 
 _log = logging.getLogger(__name__)
 
 _REFUSED = (sqlite3.Error, UnicodeDecodeError)  # the latter for a message that quotes the damage
-_WRONG = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
+_WRONG = (
+    *(ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError),
+    zlib.error,
+)
 _PATIENCE = 1.0  # s between two tries to reach the database
 
 
@@ -173,9 +185,11 @@ def deliver(database: Database, observed: Observed) -> None:
     try:
         apply_observed(database, observed)
     except SiteNotFound:
-        empty = Hypermap([SemanticLayer(observed.layer, "map")])
+        layers: list[Layer] = [SemanticLayer(observed.layer, "map")]
+        if (cells := observed.cells) is not None:
+            layers.insert(0, OccupancyLayer(cells.layer, cells.frame_id))
         with contextlib.suppress(SiteExists):  # if another robot has made it just now
-            push(database, empty, observed.site, note=observed.source)
+            push(database, Hypermap(layers), observed.site, note=observed.source)
         apply_observed(database, observed)
 
 
@@ -191,8 +205,31 @@ def _dump(observed: Observed) -> str:
             "objects": to_geojson(layer),
             "removed": [int(number) for number in observed.removed],
             "evidence": content,
+            "cells": None if observed.cells is None else _dump_cells(observed.cells),
         }
     )
+
+
+def _dump_cells(seen: ChangedCells) -> dict[str, Any]:
+    grid = seen.grid
+    return {
+        "layer": seen.layer,
+        "frame": seen.frame_id,
+        "shape": grid.shape,
+        "resolution": grid.resolution,
+        "origin": [grid.origin.x, grid.origin.y, grid.origin.yaw],
+        "content": base64.b64encode(zlib.compress(seen.cells.tobytes(), 1)).decode(),
+    }
+
+
+def _parse_cells(kept: Any) -> ChangedCells:
+    height, width = kept["shape"]
+    grid = GridGeometry(width, height, kept["resolution"], Pose2D(*kept["origin"]))
+    if height * width > OccupancyConfig().max_cells:
+        raise ValueError(f"{width} x {height} cells are too many")
+    content = zlib.decompressobj().decompress(base64.b64decode(kept["content"]), height * width)
+    cells = np.frombuffer(content, np.int8).reshape(height, width)
+    return ChangedCells(str(kept["layer"]), str(kept["frame"]), grid, cells)
 
 
 def _parse(content: str, path: Path) -> Observed:
@@ -202,6 +239,7 @@ def _parse(content: str, path: Path) -> Observed:
         evidence = kept["evidence"]
         if evidence is not None:
             evidence = parse_evidence(base64.b64decode(evidence), str(path))
+        cells = kept.get("cells")  # entries of earlier programs have none
         return Observed(
             str(kept["site"]),
             layer.name,
@@ -209,6 +247,7 @@ def _parse(content: str, path: Path) -> Observed:
             layer.objects(),
             [int(number) for number in kept["removed"]],
             evidence,
+            None if cells is None else _parse_cells(cells),
             uuid.UUID(kept["id"]),
         )
     except (*_WRONG, FormatError) as error:

@@ -213,6 +213,17 @@ class LiveMap:
         with self._lock:
             return self._mapper.evidence.layer(frame_id=self._frame_id, is_final=False)
 
+    def mapped(self) -> tuple[SemanticLayer, OccupancyLayer | None]:
+        """Return objects, and cells seen by the camera, at one moment between two frames.
+
+        Returns:
+            No cells if the occupancy layer comes from elsewhere.
+        """
+        with self._lock:
+            objects = self._mapper.evidence.layer(frame_id=self._frame_id, is_final=False)
+            is_own = self._given is None and self._mapper.makes_occupancy
+            return objects, self._mapper.occupancy() if is_own else None
+
     def hypermap(self) -> Hypermap:
         """Return the map so far: an occupancy layer, unless there is to be none, and objects.
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
@@ -95,10 +96,13 @@ class SemanticMapper:
         live_map = self._map
         return Hypermap() if live_map is None else live_map.hypermap()
 
-    def semantic(self) -> SemanticLayer:
-        """Return the objects so far; an empty layer if the node is not configured."""
+    def mapped(self) -> tuple[SemanticLayer, OccupancyLayer | None]:
+        """Return the objects and cells so far, as `LiveMap.mapped` does.
+
+        Without a configuration, there are none.
+        """
         live_map = self._map
-        return SemanticLayer("semantic", "map") if live_map is None else live_map.semantic()
+        return (SemanticLayer("semantic", "map"), None) if live_map is None else live_map.mapped()
 
     def __len__(self) -> int:
         """Return how many objects are in the map."""
