@@ -11,7 +11,6 @@ import multiprocessing
 import os
 import statistics
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -328,4 +327,4 @@ def _second_of(robot: int, step: int) -> Any:
         areas=as_objects([square("", 0, 0, 8).footprint] * views),
     )
     name = f"robot {robot}"
-    return Observed(f"site of {name}", "semantic", name, things, (), evidence, uuid.uuid4())
+    return Observed(f"site of {name}", "semantic", name, things, (), evidence)

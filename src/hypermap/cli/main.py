@@ -57,6 +57,7 @@ _MODULES = {
     "pull": "pull",
     "sites": "sites",
     "log": "log",
+    "thin": "thin",
     "find": "find",
     "api": "api",
     "evaluate": "evaluate",

@@ -20,21 +20,14 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.fleet.store import rows, tables
 from hypermap.fleet.store.address import StoreError
 from hypermap.fleet.store.database import Database, errors
-from hypermap.fleet.store.sites import add_version, find_site, lock_site
+from hypermap.fleet.store.sites import add_version, find_site, lock_site, oldest_version
 from hypermap.formats.hmap import files_of_map, map_of_files
 from hypermap.history import begun, grown
 
 if TYPE_CHECKING:
     from psycopg import Cursor
 
-_LAYER_TABLES = (
-    tables.GRIDS,
-    tables.TILES,
-    tables.OBJECTS,
-    tables.VIEWS,
-    tables.OBSERVATIONS,
-    tables.PICTURES,
-)
+_LAYER_TABLES = tuple(table for table in tables.ALL if table.owner == "layer_id")
 Rows = Mapping[str, "list[rows.Row]"]
 
 
@@ -123,9 +116,11 @@ def pull(database: Database, site: str, version: int | None = None) -> Hypermap:
     with database.snapshot():
         site_id, newest = find_site(database, site)
         wanted = newest if version is None else version
-        if not 1 <= wanted <= newest:
+        first = oldest_version(database, site_id)
+        if not first <= wanted <= newest:
             raise StoreError(
-                f"{database.address.shown}: site {site!r} has no version {wanted}: 1 to {newest}"
+                f"{database.address.shown}: site {site!r} has no version {wanted}: {first} to "
+                f"{newest}"
             )
         hypermap = skeleton_of(database, site_id, wanted, site)
         ids = ids_of_layers(database, site_id)

@@ -112,7 +112,7 @@ def put_cells(cursor: Cursor[Any], layer_id: int, version: int, seen: ChangedCel
     """
     columns = ", ".join(tables.GRIDS.columns)
     known = cursor.execute(
-        f"SELECT {columns} FROM grids WHERE layer_id = %s AND valid_to IS NULL",  # type: ignore[arg-type]
+        f"SELECT {columns} FROM grids WHERE layer_id = %s AND valid_to IS NULL",
         (layer_id,),
     ).fetchone()
     grid, kind = (None, np.dtype(np.int8)) if known is None else rows.grid_of(known)

@@ -102,6 +102,12 @@ def find_site(database: Database, site: str) -> tuple[int, int]:
     return rows[0]
 
 
+def oldest_version(database: Database, site_id: int) -> int:
+    """Return the oldest version of a site that was not removed."""
+    (oldest,) = database.rows("SELECT min(version) FROM versions WHERE site_id = %s", site_id)[0]
+    return 1 if oldest is None else int(oldest)
+
+
 def no_site(database: Database, site: str) -> SiteNotFound:
     """Return the error that there is no site of that name."""
     known = [name for (name,) in database.rows("SELECT name FROM sites ORDER BY name LIMIT 1000")]

@@ -192,3 +192,5 @@ OBSERVATIONS = Table(
 PICTURES = Table(
     "pictures", "layer_id", ("object_id",), {"object_id": "integer", "content": "bytea"}
 )
+ALL = (FILES, GRIDS, TILES, OBJECTS, VIEWS, OBSERVATIONS, PICTURES)
+"""All tables of versions."""

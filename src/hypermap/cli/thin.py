@@ -1,0 +1,65 @@
+"""`hypermap thin`: remove old versions from a shared store."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from hypermap.cli.options import AsJson
+from hypermap.cli.store_options import SiteName, StoreAddress
+from hypermap.cli.terminal import out, say_json, table
+from hypermap.core.errors import HypermapError
+
+
+def command(
+    store: StoreAddress,
+    site: SiteName = None,
+    keep: Annotated[
+        str,
+        typer.Option("--keep", metavar="TIME", help="Keep what was written since: 90d, 2w; >= 1d."),
+    ] = "90d",
+    max_mb: Annotated[
+        float | None,
+        typer.Option(
+            "--max-mb",
+            metavar="MB",
+            min=0,
+            show_default=False,
+            help="Keep at most so much of each site's history; the last day always stays.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Remove old versions of one site, or of all sites, of a shared store.
+
+    The present versions stay, with all their evidence. Former versions that are older than --keep
+    can no longer be pulled. Needs an administrator of the database.
+
+    Examples:
+        hypermap thin postgresql://postgres@db.example/maps --keep 30d
+        hypermap thin postgresql://postgres@db.example/maps --site lab --keep 2w --max-mb 1000
+    """
+    from hypermap.fleet.store.address import parse_address
+    from hypermap.fleet.store.database import Database
+    from hypermap.fleet.store.sites import list_sites
+    from hypermap.fleet.store.thinning import DAY, thin
+    from hypermap.history.policy import HistoryPolicy
+    from hypermap.text import printable
+
+    seconds = HistoryPolicy(keep).seconds
+    if seconds < DAY:
+        raise HypermapError(f"--keep {keep}: the last day of a store always stays; give 1d or more")
+    address = parse_address(store)
+    database = Database(address)
+    wanted = site or address.site
+    names = [each.name for each in list_sites(database)] if wanted is None else [wanted]
+    done = [thin(database, name, seconds, max_mb) for name in names]
+    database.close()
+    if as_json:
+        say_json([vars(each) for each in done])
+        return
+    shown = table("site", "oldest", "versions removed", "rows removed", right=("oldest",))
+    for each in done:
+        shown.add_row(printable(each.site), *map(str, (each.first, each.versions, each.rows)))
+    out().print(shown)
