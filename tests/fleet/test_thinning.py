@@ -69,7 +69,7 @@ def test_the_command_thins_a_site_and_says_what_it_removed(
 ) -> None:
     for keep, code in (("12h", 2), ("soon", 2), ("1d", 0)):
         with pytest.raises(SystemExit) as ended:
-            main(["thin", store, "--site", old_site, "--keep", keep, "--json"])
+            main(["thin", store, "--site", old_site, "--keep-for", keep, "--json"])
         assert (ended.value.code or 0) == code
     said = capsys.readouterr()
     assert "the last day of a store always stays" in said.err

@@ -17,12 +17,14 @@ def command(
     site: SiteName = None,
     keep: Annotated[
         str,
-        typer.Option("--keep", metavar="TIME", help="Keep what was written since: 90d, 2w; >= 1d."),
+        typer.Option(
+            "--keep-for", metavar="TIME", help="Keep what was written since: 90d, 2w; >= 1d."
+        ),
     ] = "90d",
     max_mb: Annotated[
         float | None,
         typer.Option(
-            "--max-mb",
+            "--keep-mb",
             metavar="MB",
             min=0,
             show_default=False,
@@ -33,12 +35,12 @@ def command(
 ) -> None:
     """Remove old versions of one site, or of all sites, of a shared store.
 
-    The present versions stay, with all their evidence. Former versions that are older than --keep
-    can no longer be pulled. Needs an administrator of the database.
+    The present versions stay, with all their evidence. Former versions that are older than
+    --keep-for can no longer be pulled. Needs an administrator of the database.
 
     Examples:
-        hypermap thin postgresql://postgres@db.example/maps --keep 30d
-        hypermap thin postgresql://postgres@db.example/maps --site lab --keep 2w --max-mb 1000
+        hypermap thin postgresql://postgres@db.example/maps --keep-for 30d
+        hypermap thin postgresql://postgres@db.example/maps --keep-for 2w --keep-mb 1000
     """
     from hypermap.fleet.store.address import parse_address
     from hypermap.fleet.store.database import Database
@@ -49,7 +51,9 @@ def command(
 
     seconds = HistoryPolicy(keep).seconds
     if seconds < DAY:
-        raise HypermapError(f"--keep {keep}: the last day of a store always stays; give 1d or more")
+        raise HypermapError(
+            f"--keep-for {keep}: the last day of a store always stays; give 1d or more"
+        )
     address = parse_address(store)
     database = Database(address)
     wanted = site or address.site
