@@ -20,10 +20,10 @@ from typer.testing import CliRunner
 from hypermap import GridGeometry, Hypermap, OccupancyLayer, SemanticLayer
 from hypermap.cli.main import app
 from hypermap.core.frames import FrameTree, Pose2D, Transform
-from hypermap.fleet.store.address import parse_address, site_address
+from hypermap.fleet.store.address import StoreError, parse_address, site_address
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.followed_site import FollowedSite
-from hypermap.fleet.store.pushing import push
+from hypermap.fleet.store.pushing import Conflict, pull, push
 from hypermap.fleet.store.sites import SiteNotFound
 from hypermap.fleet.store.updates import Update, apply
 from hypermap.ros.typestore import message_class
@@ -118,6 +118,41 @@ def test_a_site_that_is_not_there_is_refused(store: str) -> None:
         FollowedSite(site_address(f"{store}&site=nowhere"))
 
 
+def test_changes_of_clients_are_written_and_conflicts_told(
+    database: Database, followed: FollowedSite, lab: str
+) -> None:
+    seen = followed.hypermap
+    before, after = seen.semantic(), seen.semantic().copy()
+    after.rename(0, "stool")
+    after.add(square("lamp", 2, 2))
+    followed.write(seen, before, after)
+    stored = pull(database, lab).semantic()
+    assert stored.names.tolist() == ["stool", "lamp"]
+    again = after.copy()  # before the change comes back from the store
+    again.remove(0)
+    followed.write(seen, after, again)
+    assert pull(database, lab).semantic().names.tolist() == ["lamp"]
+    until(lambda: followed.hypermap.semantic().names.tolist() == ["lamp"], "change")
+
+    seen = followed.hypermap
+    apply(database, Update(lab, "semantic", [square("cup", 2, 2, id=1)], seen={1: 2}))
+    renamed, removed = seen.semantic().copy(), seen.semantic().copy()
+    renamed.rename(1, "light")
+    removed.remove(1)
+    for changed in (renamed, removed):
+        with pytest.raises(Conflict, match=r"object 1 of layer 'semantic' .* was changed, in"):
+            followed.write(seen, seen.semantic(), changed)
+    assert pull(database, lab).semantic().names.tolist() == ["cup"]
+
+
+def test_a_former_version_takes_no_changes(store: str, lab: str) -> None:
+    with FollowedSite(site_address(f"{store}&site={lab}&version=1")) as old:
+        changed = old.hypermap.semantic().copy()
+        changed.remove(0)
+        with pytest.raises(StoreError, match="former version"):
+            old.write(old.hypermap, old.hypermap.semantic(), changed)
+
+
 def test_the_page_shows_what_others_find_and_takes_no_edits(
     database: Database, followed: FollowedSite, lab: str
 ) -> None:
@@ -162,7 +197,7 @@ def test_a_map_server_serves_what_others_find(
 ) -> None:
     log = tmp_path / "log"
     with log.open("wb") as output:
-        words = ["serve", f"{store}&site={lab}", "--foxglove", "--port", "0"]
+        words = ["serve", f"{store}&site={lab}", "--foxglove", "--port", "0", "--allow-edits"]
         server = Command(*words, stdout=output, stderr=subprocess.STDOUT)
     try:
         url = until(lambda: re.search(r"ws://\S+", log.read_text()), "address")[0]
@@ -178,6 +213,12 @@ def test_a_map_server_serves_what_others_find(
             assert name_there() == "Empty"
             find_a_cup(database, lab)
             until(lambda: name_there() == "cup", "cup")
+            update = message_class("hypermap_msgs/SemanticMapUpdate")()
+            update.to_delete = [7]
+            topic = "/hypermap_server/semantic_semmap_updates"
+            client.publish(client.advertise(topic, "hypermap_msgs/SemanticMapUpdate"), update)
+            until(lambda: len(pull(database, lab).semantic()) == 1, "deletion")
+            until(lambda: name_there() == "Empty", "empty place")
     finally:
         server.terminate()
         server.wait(60)

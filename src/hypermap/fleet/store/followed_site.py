@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
+from collections import deque
+from dataclasses import replace
 from types import TracebackType
+from weakref import WeakKeyDictionary
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
+from hypermap.core.semantic import SemanticLayer
 from hypermap.fleet.store import pushing
-from hypermap.fleet.store.address import Address, StoreAway
+from hypermap.fleet.store.address import Address, StoreAway, StoreError
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.followers import follow
 from hypermap.fleet.store.sites import find_site
+from hypermap.fleet.store.updates import Update, apply
 from hypermap.history import begun
+from hypermap.history.differences import differences
 
+_REMEMBERED = 1000  # of our own versions
 _PATIENCE = 1.0  # s between two tries to read what has changed
 
 _log = logging.getLogger(__name__)
@@ -40,6 +48,8 @@ class FollowedSite:
         self._site = address.site
         self._database = Database(address)
         self._hypermap, self._version = Hypermap(), 0
+        self._versions: WeakKeyDictionary[Hypermap, int] = WeakKeyDictionary()
+        self._own: deque[int] = deque(maxlen=_REMEMBERED)
         self._take_over()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="store", daemon=True)
@@ -58,6 +68,52 @@ class FollowedSite:
     def hypermap(self) -> Hypermap:
         """The map as it is now: the same object while nothing has changed."""
         return self._hypermap
+
+    def write(self, seen: Hypermap, before: SemanticLayer, after: SemanticLayer) -> None:
+        """Write a change of objects to the store, as one version of the site.
+
+        New objects get their ids from the store.
+
+        Args:
+            seen: the map of this site that the change is made of.
+            before: the layer before the change.
+            after: the layer after it.
+
+        Raises:
+            Conflict: If another has changed or removed one of the objects since; then nothing is
+                written.
+            StoreError: If the store does not answer or refuses, or this is a former version.
+        """
+        if self._address.version is not None:
+            raise StoreError(f"{self.address}: this is a former version, which does not change")
+        changes = differences(before, after, "edit", time.time())
+        if not changes:
+            return
+        old = [change.before.id or 0 for change in changes if change.before is not None]
+        new = [
+            item.with_id(change.before.id or 0) if change.before else replace(item, id=None)
+            for change in changes
+            if (item := change.after) is not None
+        ]
+        gone = [each.before.id or 0 for each in changes if each.before and each.after is None]
+        versions = self._versions_of(before.name, old, self._versions.get(seen, 0))
+        update = Update(self._site, before.name, new, gone, versions)
+        try:
+            written = apply(self._database, update)
+        except StoreAway:  # it may be written: the same update is so only once
+            written = apply(self._database, update)
+        self._own.append(written.version)
+
+    def _versions_of(self, layer: str, ids: list[int], since: int) -> dict[int, int]:
+        """Return the versions of objects that only we have changed since; 0 for the others."""
+        found = self._database.rows(
+            "SELECT objects.id, valid_from FROM objects JOIN layers ON layers.id = layer_id "
+            "JOIN sites ON sites.id = site_id WHERE sites.name = %s AND layers.name = %s "
+            "AND valid_to IS NULL AND objects.id = ANY (%s) "
+            "AND (valid_from <= %s OR valid_from = ANY (%s))",
+            *(self._site, layer, ids, since, list(self._own)),
+        )
+        return dict.fromkeys(ids, 0) | dict(found)
 
     def __enter__(self) -> FollowedSite:
         if self._address.version is None:
@@ -107,6 +163,7 @@ class FollowedSite:
                 hypermap = skeleton.with_layers(layers)
                 if hypermap.history is not None:
                     hypermap.history = begun(hypermap, hypermap.history)
+        self._versions[hypermap] = version
         self._hypermap, self._version = hypermap, version
 
     def _newest(self, layer: Layer, before: Hypermap, ids: dict[str, int], version: int) -> Layer:

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
+from hypermap.core.semantic import SemanticLayer
 from hypermap.ros.port import Port, Value
 from hypermap.ros.server.current_map import CurrentMap
 
@@ -33,12 +34,20 @@ class Source(Protocol):
         Layers in which nothing has changed are the same, too.
         """
 
+    def write(self, seen: Hypermap, before: SemanticLayer, after: SemanticLayer) -> None:
+        """Change the objects of a layer of the map that was seen, for all.
+
+        Raises:
+            HypermapError: If that is not allowed, or another has changed them since.
+        """
+
 
 class Following:
     """Serves each new version of a map that others change, until a client loads another map.
 
     Layers in which nothing has changed are not published again. What clients of the node change
-    stays in the node, and is replaced when the same layer changes at its source.
+    of objects is written to the source; what else they change stays in the node, and is replaced
+    when the same layer changes at its source.
 
     Args:
         port: the middleware.
@@ -56,6 +65,15 @@ class Following:
 
     def set(self, values: Mapping[str, Value]) -> None:
         """Take parameters: there are none."""
+
+    def write(self, before: SemanticLayer, after: SemanticLayer) -> None:
+        """Write what a client changes to the source, unless another map was loaded.
+
+        Raises:
+            HypermapError: As `Source.write` does.
+        """
+        if not self._ended.is_set():
+            self._source.write(self._shown, before, after)
 
     def show(self, hypermap: Hypermap, changed: Iterable[str] | None = None) -> None:
         """Follow no more if a client has loaded another map."""
@@ -76,15 +94,17 @@ class Following:
                 self._take(hypermap)
 
     def _take(self, hypermap: Hypermap) -> None:
-        before, self._shown = self._shown, hypermap
+        before = self._shown
         known = {layer.name: layer for layer in before}
         is_same_kind = list(known) == [layer.name for layer in hypermap]
         if not is_same_kind or list(before.frames) != list(hypermap.frames):
+            self._shown = hypermap
             self._current.replace(hypermap)
             return
         for layer in hypermap:
             if layer is not known[layer.name]:
                 self._put(layer)
+        self._shown = hypermap  # last: a change of the layer before is none of this version
 
     def _put(self, layer: Layer) -> None:
         def newest(_hypermap: Hypermap, _before: Layer) -> Layer:

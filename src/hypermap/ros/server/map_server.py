@@ -136,11 +136,14 @@ class MapServer:
         plans = Plans(port, current, requests)
         self._automap = automap = AutoMap(port, current, requests)
         changes = Changes(port, current)
+        following = None
+        if self._source is not None:
+            following = Following(port, current, self._source, self._from_source)
         parts: list[MapPart] = [
             plans,
             Services(port, current, requests, plans, files, tally, changes),
             LayerTopics(port),
-            LayerUpdates(port, current, frames),
+            LayerUpdates(port, current, frames, None if following is None else following.write),
             LayerMarkers(port),
             RoomGraph(port),
             changes,
@@ -150,8 +153,8 @@ class MapServer:
         ]
         if self._values["console"]:
             parts.append(TerminalConsole(port, current, automap.start))
-        if self._source is not None:
-            parts.append(Following(port, current, self._source, self._from_source))
+        if following is not None:
+            parts.append(following)
         for part in parts:
             part.set(self._values)
         self._parts = tuple(parts)

@@ -99,9 +99,23 @@ class LayerUpdates:
 
     A message that is wrong leaves the layer as it was and is logged; those that follow it and are
     wrong for the same reason are not, until a good one comes.
+
+    Args:
+        port: the middleware.
+        current: the served map.
+        frames: finds the frames of messages.
+        write: called with a layer before and after an update of its objects; what it raises
+            leaves the layer as it was.
     """
 
-    def __init__(self, port: Port, current: CurrentMap, frames: FloorFrames) -> None:
+    def __init__(
+        self,
+        port: Port,
+        current: CurrentMap,
+        frames: FloorFrames,
+        write: Callable[[SemanticLayer, SemanticLayer], None] | None = None,
+    ) -> None:
+        self._write = write
         self._port = port
         self._current = current
         self._frames = frames
@@ -206,6 +220,10 @@ class LayerUpdates:
         pose = self._pose(hypermap, layer, message)
         changed, wrong = source.make(layer, message, pose)
         problems += wrong
+        if self._write is None or source.is_latched:
+            return changed
+        if isinstance(layer, SemanticLayer) and isinstance(changed, SemanticLayer):
+            self._write(layer, changed)
         return changed
 
     def _pose(self, hypermap: Hypermap, layer: Layer, message: Message) -> Pose2D:
