@@ -8,8 +8,10 @@ distances between walls.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -258,6 +260,11 @@ def _least_squares(
     return Pose2D(float(x), float(y), math.remainder(parameters[2], 2 * math.pi))
 
 
+_Seen: TypeAlias = tuple[
+    FloatArray, tuple[FloatArray, FloatArray], FloatArray, tuple[FloatArray, FloatArray]
+]
+
+
 @dataclass(frozen=True, eq=False)
 class _Distances:
     """How far walls of one map are from those of the other, up to a limit, by the pose.
@@ -271,24 +278,32 @@ class _Distances:
     b_xy: FloatArray
     center: FloatArray
     most: float
+    _last: dict[bytes, _Seen] = dataclasses.field(default_factory=dict)
 
     def at(self, parameters: FloatArray) -> FloatArray:
         """Return the distances [m], first of b's points, then of a's."""
-        there, back = self._moved(parameters)
-        far: FloatArray = np.concatenate([self.on_a.near(there)[0], self.on_b.near(back)[0]])
+        _, (far_a, _), _, (far_b, _) = self._seen(parameters)
+        far: FloatArray = np.concatenate([far_a, far_b])
         return far.clip(max=self.most)
 
     def slope_at(self, parameters: FloatArray) -> FloatArray:
         """Return the derivatives of the distances by the parameters, shape (N, 3)."""
-        there, back = self._moved(parameters)
-        far_a, up_a = self.on_a.near(there)
-        far_b, up_b = self.on_b.near(back)
+        there, (far_a, up_a), back, (far_b, up_b) = self._seen(parameters)
         by_b = np.column_stack([up_a, _cross(there - parameters[:2], up_a)])
         turned = up_b @ _rotation(parameters[2]).T
         by_a = -np.column_stack([turned, _cross(back - self.center, up_b)])
         slope: FloatArray = np.concatenate([by_b, by_a])
         slope[np.concatenate([far_a, far_b]) >= self.most] = 0.0
         return slope
+
+    def _seen(self, parameters: FloatArray) -> _Seen:
+        """Return where the points come to lie, and what is near; kept, as slopes are asked next."""
+        pose = parameters.tobytes()
+        if pose not in self._last:
+            self._last.clear()
+            there, back = self._moved(parameters)
+            self._last[pose] = there, self.on_a.near(there), back, self.on_b.near(back)
+        return self._last[pose]
 
     def _moved(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the points of b in a, and those of a in b."""
