@@ -200,6 +200,7 @@ def test_wrong_arguments_are_refused_by_name(
     assert len(str(refused.value)) < 1500
 
 
+@pytest.mark.xdist_group("json_schema")  # whose library takes a second to import
 def test_schemas_are_valid_and_accept_what_the_tools_accept(
     office: Path, json_validator: Any
 ) -> None:

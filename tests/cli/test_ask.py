@@ -54,6 +54,7 @@ def test_a_point_may_be_negative(hypermap: Run, room_map: Path) -> None:
     assert result.out == "potted plant 2 at (7.50, 2.50), 9.50 m away\n"
 
 
+@pytest.mark.xdist_group("json_schema")  # whose library takes a second to import
 def test_json_is_for_programs(hypermap: Run, room_map: Path, json_validator: Any) -> None:
     answer = hypermap("ask", room_map, "which is the closest chair to the plant", "--json").json
     assert answer["query"] == {

@@ -12,6 +12,8 @@ from ..recordings.bag_builder import BagBuilder, add_images, add_poses, header
 from ..recordings.shots import make_shots, write_tum
 from .conftest import assert_one_error
 
+pytestmark = pytest.mark.xdist_group("map_values")  # they share what takes long to make
+
 SHOTS = make_shots(8)
 WARMTH = ["--value", "/warmth,unit=degF"]
 

@@ -19,6 +19,8 @@ from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording, demo_world
 
 from .conftest import Result, assert_one_error
 
+pytestmark = pytest.mark.xdist_group("merge")  # they share what takes long to make
+
 Run = Callable[..., Result]
 
 SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)

@@ -14,6 +14,8 @@ from hypermap.mapping.config import profile
 from hypermap.simulation.levels import errors_of_level
 from hypermap.simulation.world import built_in_world
 
+pytestmark = pytest.mark.xdist_group("experiment_days")  # they share what takes long to make
+
 
 @functools.cache
 def demo() -> Tally:

@@ -43,6 +43,8 @@ from hypermap.simulation import SimulatedRecording, demo_world
 from hypermap.simulation.levels import errors_of_level
 from hypermap.values import value_layer_of
 
+pytestmark = pytest.mark.xdist_group("correcting")  # they share what takes long to make
+
 SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
 SOURCE = detections_from_recording()
 

@@ -31,6 +31,8 @@ from hypermap.simulation.levels import errors_of_level
 
 from .test_mapper import CONFIG, boxes, frame, walk
 
+pytestmark = pytest.mark.xdist_group("going_on")  # they share what takes long to make
+
 SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
 OF_THE_DRIVES = {"hmap_config.yaml", "mapper_state"}  # members that tell of the drives
 SOURCE = detections_from_recording()

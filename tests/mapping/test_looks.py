@@ -44,6 +44,8 @@ from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 from hypermap.testing.encoders import write_encoders
 
+pytestmark = pytest.mark.xdist_group("looks")  # they share what takes long to make
+
 pytest.importorskip("onnx", reason="the tiny encoders are made with onnx")
 pytest.importorskip("tokenizers", reason="texts are read with tokenizers")
 

@@ -20,6 +20,8 @@ from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.simulation import SimulatedRecording, demo_world
 from hypermap.simulation.levels import errors_of_level
 
+pytestmark = pytest.mark.xdist_group("mapper_state")  # they share what takes long to make
+
 SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
 SOURCE = detections_from_recording()
 CONFIG = profile("default").evidence

@@ -39,6 +39,8 @@ from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
+pytestmark = pytest.mark.xdist_group("merging")  # they share what takes long to make
+
 DAY = 86_400.0
 SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
 SOURCE = detections_from_recording()

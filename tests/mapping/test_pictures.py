@@ -31,6 +31,8 @@ from hypermap.simulation import SimulatedRecording, demo_world
 
 from .test_mapper import CONFIG, boxes, frame
 
+pytestmark = pytest.mark.xdist_group("pictures")  # they share what takes long to make
+
 JPEG = b"\xff\xd8\xff\xe0 and so on"
 SOURCE = detections_from_recording()
 

@@ -82,6 +82,7 @@ COUNTS = st.builds(
 )
 
 
+@pytest.mark.xdist_group("json_schema")  # whose library takes a second to import
 @given(QUERIES | COUNTS)
 def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Query) -> None:
     values = query.to_json()

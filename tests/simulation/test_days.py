@@ -11,6 +11,8 @@ from hypermap.simulation.days import DailyChanges, Day, next_day
 from hypermap.simulation.standing import overlaps
 from hypermap.simulation.world import built_in_world
 
+pytestmark = pytest.mark.xdist_group("days")  # they share what takes long to make
+
 
 @functools.cache
 def week() -> tuple[Day, ...]:

@@ -13,6 +13,8 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.values import FieldSettings, Interpolation, Samples, interpolate
 
+pytestmark = pytest.mark.xdist_group("interpolation")  # they share what takes long to make
+
 
 @pytest.fixture(scope="module")
 def two_rooms() -> OccupancyLayer:
