@@ -109,6 +109,8 @@ def with_values(hypermap: Hypermap, values: dict[str, Measured], until: float) -
         values: of `read_values`.
         until: stamp of the newest samples to use [s].
     """
+    if not values:
+        return hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.values.on_map import known_layer, made_of, new_among, samples_of, with_value_layer
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import as_objects
@@ -82,6 +81,9 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
     there = np.flatnonzero(is_there & (first > last[gone].min(initial=np.inf))).tolist()
     if not (gone and there):
         return []
+    # Most drives do not come here, and the import takes a quarter of a second.
+    from scipy.optimize import linear_sum_assignment
+
     alike, ways = _compared(tracks, gone, there)
     since = [tracks.objects[row].gone_since for row in gone]
     _leave_out_older(alike, np.array([last.max() if one is None else one for one in since]))

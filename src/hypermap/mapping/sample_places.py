@@ -14,7 +14,6 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.core.value_layer import ValueLayer
 from hypermap.mapping.floor_motions import FloorMotions
-from hypermap.values.on_map import made_again
 
 _log = logging.getLogger(__name__)
 
@@ -51,6 +50,9 @@ def _moved(
         return layer
     own = replace(moved, points_xy=pose.inverse().apply(moved.points_xy))
     walls = occupancy if layer.frame_id == occupancy.frame_id else None
+    # Only here, as few maps have samples, and the solvers take a third of a second to import.
+    from hypermap.values.on_map import made_again
+
     try:
         return made_again(layer, own, walls)
     except HypermapError as error:

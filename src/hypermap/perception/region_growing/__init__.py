@@ -13,7 +13,7 @@ import numpy as np
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import RgbdFrame
-from hypermap.perception.region_growing import organised, unorganised
+from hypermap.perception.region_growing import organised
 
 
 def largest_regions(
@@ -30,6 +30,9 @@ def largest_regions(
     if config.method == "organised":
         regions = organised.grow_regions(frame, valid, objects, config)
     else:
+        # Only here, as its k-d tree takes a fifth of a second to import.
+        from hypermap.perception.region_growing import unorganised
+
         regions = unorganised.grow_regions(frame.points(), valid, objects, config)
     return [
         _largest(pixels, region_of, config.min_cluster, config.max_cluster)

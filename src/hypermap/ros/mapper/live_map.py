@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,10 @@ from hypermap.perception.frame import Camera, DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.mapper.statistics import Fate
-from hypermap.values.growing import GrowingLayer
-from hypermap.values.on_map import known_layer, samples_of, with_value_layer
+
+# What estimates values takes a third of a second to import, so only those who measure any do.
+if TYPE_CHECKING:
+    from hypermap.values.growing import GrowingLayer
 
 _OWN_LAYERS = ("occupancy", "semantic")
 _DRIVE = "live"  # the name of what is mapped here
@@ -111,6 +114,9 @@ class LiveMap:
             HypermapError: If another layer has the name, or the one to continue is not made by
                 a random field, or has another unit.
         """
+        from hypermap.values.growing import GrowingLayer
+        from hypermap.values.on_map import known_layer, samples_of
+
         if name in (*_OWN_LAYERS, *(layer.name for layer in self.values)):
             raise HypermapError(f"there is a layer {name!r} already; name the quantity otherwise")
         known = None if self._onto is None else known_layer(self._onto, name)
@@ -130,6 +136,8 @@ class LiveMap:
 
     def unit_of_values(self, name: str) -> str:
         """Return the unit of a layer of the map to go on with; empty where there is none."""
+        from hypermap.values.on_map import known_layer
+
         known = None if self._onto is None else known_layer(self._onto, name)
         return "" if known is None else known.unit
 
@@ -236,6 +244,13 @@ class LiveMap:
             whole = whole.with_layers(replaced(whole, [given]))
         elif not mapper.makes_occupancy and mapper.occupancy().grid is None:
             whole.remove(mapper.occupancy().name)
+        return self._with_values(whole)
+
+    def _with_values(self, whole: Hypermap) -> Hypermap:
+        if not self.values:
+            return whole
+        from hypermap.values.on_map import with_value_layer
+
         for growing in self.values:
             if (layer := growing.layer()) is not None:
                 whole = with_value_layer(whole, layer)

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,7 +25,9 @@ from hypermap.ros.port import Closable, Message, Port
 from hypermap.ros.server.layer_topics import Kind, kinds_of
 from hypermap.ros.throttle import Throttle
 from hypermap.ros.topic_names import topic_name
-from hypermap.values.growing import GrowingLayer
+
+if TYPE_CHECKING:
+    from hypermap.values.growing import GrowingLayer
 
 _PERIOD = 0.1  # s between looks at what has come
 _LOOK_FOR_TYPES = 1.0  # s
