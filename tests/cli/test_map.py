@@ -74,16 +74,56 @@ def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map
     assert (first["name"], first["width"], first["height"]) == ("occupancy", 30, 20)
 
 
-def test_it_is_reported_that_poses_cannot_be_corrected(hypermap, drive, room_map, tmp_path):
+def test_it_is_reported_that_poses_are_not_corrected(hypermap, drive, room_map, tmp_path):
     given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
     assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
-    reported = (
-        "poses were used as recorded: without an occupancy map (--map) they are not corrected"
-    )
+    reported = "poses were used as recorded; if they drift, --correct-poses graph corrects them"
     common = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
     assert reported in hypermap(*common).err
     assert reported not in hypermap(*common, "--map", given).err
     assert reported not in hypermap(*common, "--profile", "thesis").err  # which corrects none
+    by_none = hypermap(*common, "--map", given, "--correct-poses", "none")
+    assert "corrected by the map" not in by_none.err
+    by_either = hypermap(*common, "--map", given, "--correct-poses", "auto")
+    assert "corrected by the map" in by_either.err
+
+
+def test_poses_are_corrected_without_a_map(hypermap, tmp_path):
+    """The poses say that the camera moves toward the wall; all images are the same."""
+    drive, out = write_drive(tmp_path / "drive", frames=6), tmp_path / "out.hmap"
+    stamps = [line.split()[0] for line in (drive / "depth.txt").read_text().splitlines()]
+    poses = [f"{stamp} {0.12 * i} 0 1 -0.5 0.5 -0.5 0.5" for i, stamp in enumerate(stamps)]
+    (drive / "groundtruth.txt").write_text("\n".join(poses) + "\n")
+    saved = tmp_path / "corrected.txt"
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out, "--save-poses", saved]
+    made = hypermap(*arguments, "--correct-poses", "auto")
+    assert made.code == 0
+    assert "poses: 5 of 6 corrected by a pose graph, by 36.0 cm" in made.err
+    assert f"saved {saved}" in made.err
+    metadata = hypermap("info", out, "--json").json["metadata"]
+    assert metadata["poses"] == "corrected by a pose graph"
+    assert metadata["pose_corrections"]["most_m"] == pytest.approx(0.6, abs=0.02)
+    positions = np.loadtxt(saved)[:, 1]
+    assert positions == pytest.approx(np.zeros(6), abs=0.02)
+    assert "5 skipped because the camera had hardly moved" in made.err
+    again = hypermap(*arguments, "--correct-poses", "graph")
+    assert again.code == 2
+    assert again.err.endswith("corrected.txt exists already; give --force to replace it\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--correct-poses", "grap"], "--correct-poses grap: did you mean 'graph'?"),
+        (["--correct-poses", "map"], "no occupancy map is known; give --map, or correct by graph"),
+        (["--save-poses", "x.txt"], "--save-poses: needs --correct-poses graph"),
+    ],
+)
+def test_poses_cannot_be_corrected_by_what_is_not_there(
+    hypermap, drive, tmp_path, arguments, message
+):
+    common = ["map", drive, "--intrinsics", INTRINSICS, "-o", tmp_path / "out.hmap"]
+    assert_one_error(hypermap(*common, *arguments), message)
 
 
 def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, tmp_path):

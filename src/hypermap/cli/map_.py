@@ -15,6 +15,13 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from hypermap.cli.corrected_poses import (
+    CorrectPoses,
+    PoseCorrection,
+    SavePoses,
+    described,
+    known_map,
+)
 from hypermap.cli.correcting import corrected
 from hypermap.cli.finding_options import (
     Config,
@@ -46,6 +53,7 @@ if TYPE_CHECKING:
     from hypermap.mapping.config import MappingConfig
     from hypermap.mapping.counts import Counts
     from hypermap.mapping.mapper import MappedFrame, Mapper
+    from hypermap.mapping.pose_graph import CorrectedPoses
     from hypermap.mapping.preflight import Preflight
     from hypermap.mapping.recording_to_map import Progress
     from hypermap.perception.detectors.origin import DetectionOrigin
@@ -100,6 +108,8 @@ def command(
             "images.",
         ),
     ] = None,
+    correct_poses: CorrectPoses = None,
+    save_poses: SavePoses = None,
     profile: Profile = None,
     config: Config = None,
     evidence: Annotated[
@@ -176,6 +186,10 @@ def command(
     Other layers stay as they are. Frames that the map already contains do not count twice.
     --poses first corrects the poses of the frames in it; then RECORDING may be left out.
 
+    Poses are corrected by the occupancy map where that is known. --correct-poses graph corrects
+    those that drift, as of odometry, without a map: the recording is then read twice. Poses that
+    fit as they are stay.
+
     The map keeps up to three pictures of each object, which `query --pictures` saves. --value adds
     layers of what other sensors have measured, as `hypermap values` does.
 
@@ -187,6 +201,7 @@ def command(
         hypermap map drive.bag --map map.yaml -o office.hmap --view
         hypermap map tuesday.bag --onto office.hmap -o office.hmap
         hypermap map --onto office.hmap --poses corrected.txt -o office.hmap
+        hypermap map drive.bag --map-frame odom --correct-poses graph -o office.hmap
         hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --level auto -o heads.hmap
         hypermap map drive.bag --detector yolox-nano --workers 8 -o office.hmap
@@ -215,11 +230,18 @@ def command(
         pictures = replace(settings.pictures, enabled=not no_pictures, people=people)
         settings = replace(settings, pictures=pictures)
     occupancy = _occupancy(map_file, recording)
+    correction = PoseCorrection(
+        correct_poses,
+        save_poses,
+        known_map(base) if base is not None else (occupancy or recording.occupancy()) is not None,
+    )
+    settings = correction.settings(settings)
     origin = detection_origin(
         recording, detector, labels, settings.perception.min_score, detections, objects
     )
     _note_origin(origin)
     source = None if origin is None else origin.open()
+    recording, corrected_poses = correction.corrected(recording, force)
     job = _Job(
         recording=recording,
         origin=origin,
@@ -232,6 +254,7 @@ def command(
         embedder=_embedder(embedder),
         workers=workers,
         address=address,
+        corrected_poses=corrected_poses,
     )
     frames = len(recording)  # which reads a bag through once
     name, notes = recording.path.name, PreflightNotes()
@@ -267,6 +290,7 @@ class _Job:
     embedder: Embedder | None
     workers: int | None
     address: str | None
+    corrected_poses: CorrectedPoses | None
 
 
 @dataclass(frozen=True)
@@ -354,6 +378,7 @@ def _make_map(
                 note("no frame was mapped so far, so nothing is saved")
                 raise typer.Exit(stop.exit_code) from None
             raise
+    hypermap.metadata = described(hypermap.metadata, job.corrected_poses)
     _note_frames(hypermap, counts, job.settings, time.monotonic() - started, rate)
     return _Made(hypermap, counts, stoppable.until)
 
@@ -431,8 +456,11 @@ def _note_frames(
         )
     if corrections := hypermap.metadata.get("pose_corrections"):
         note(sentence(corrections))
-    if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
-        note("poses were used as recorded: without an occupancy map (--map) they are not corrected")
+    elif settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
+        note(
+            "poses were used as recorded; if they drift, --correct-poses graph corrects them "
+            "without an occupancy map"
+        )
 
 
 def _note_unseen(hypermap: Hypermap, settings: MappingConfig) -> None:

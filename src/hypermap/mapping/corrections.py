@@ -7,11 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from hypermap.text import counted
+
 NO_MAP = "the map has no border of free space near the camera"
 FEW_POINTS = "too few upright surfaces are visible"
 NO_BETTER = "corrections so far are no larger than their own errors, as with exact poses"
 LESS_AGREEMENT = "depth images agree less with each other after correction, as with a distorted map"
-UNCHANGED = "the pose fits the map as it is"
+NO_MATCHES = "no frames could be matched: they are too few, or show too few upright surfaces"
+NO_MORE_AGREEMENT = "depth images do not agree better with each other after correction"
+UNCHANGED = "the pose fits as it is"
 
 _LEAST = 1e-6  # meters or radians; less is no correction
 
@@ -56,7 +60,10 @@ def sentence(summary: dict[str, Any]) -> str:
     'poses: 0 of 3 corrected by the map; 3 as recorded: too few upright surfaces are visible'
     """
     corrected, left = summary["corrected"], summary["as_recorded"]
-    text = f"poses: {corrected} of {corrected + sum(left.values())} corrected by the map"
+    by = summary.get("by", "the map")
+    text = f"poses: {corrected} of {corrected + sum(left.values())} corrected by {by}"
+    if loops := summary.get("loops"):
+        text += f" with {counted(loops, 'match', 'matches')} to places seen earlier"
     if corrected:
         text += (
             f", by {100 * summary['median_m']:.1f} cm and {summary['median_deg']:.1f} degrees in "

@@ -1,0 +1,121 @@
+"""`--correct-poses`: whether the poses of a recording are corrected, and by what."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hypermap.cli.options import check_output
+from hypermap.cli.progress import counting
+from hypermap.cli.terminal import note
+from hypermap.core.errors import HypermapError, did_you_mean
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.mapping.config import MappingConfig
+    from hypermap.mapping.pose_graph.correction import CorrectedPoses
+    from hypermap.perception.recording import PendingRecording
+
+_WAYS = ("none", "map", "graph", "auto")
+
+CorrectPoses = Annotated[
+    str | None,
+    typer.Option(
+        "--correct-poses",
+        metavar="|".join(_WAYS),
+        show_default="map, with the profile default",
+        help="Correct the poses of the frames: map: by the occupancy map, if it is known; graph: "
+        "without a map, as odometry needs it: frames are matched to each other, loops closed; "
+        "auto: map, or else graph.",
+    ),
+]
+
+SavePoses = Annotated[
+    Path | None,
+    typer.Option(
+        "--save-poses",
+        metavar="FILE",
+        show_default=False,
+        help="Save the trajectory of the camera as corrected by graph here, in TUM format.",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class PoseCorrection:
+    """How poses are to be corrected, as the user said it.
+
+    Attributes:
+        way: one of the four; None for that of the configuration.
+        save: where the corrected trajectory is to be saved, if at all.
+        has_map: whether an occupancy map is known from the start.
+    """
+
+    way: str | None
+    save: Path | None
+    has_map: bool
+
+    def __post_init__(self) -> None:
+        if self.way is not None and self.way not in _WAYS:
+            raise HypermapError(f"--correct-poses {self.way}: {did_you_mean(self.way, _WAYS)}")
+        if self.way == "map" and not self.has_map:
+            raise HypermapError(
+                "--correct-poses map: no occupancy map is known; give --map, or correct by graph"
+            )
+        if self.save is not None and not self.by_graph:
+            raise HypermapError("--save-poses: needs --correct-poses graph")
+
+    @property
+    def by_graph(self) -> bool:
+        """Whether they are corrected without a map."""
+        return self.way == "graph" or (self.way == "auto" and not self.has_map)
+
+    def settings(self, config: MappingConfig) -> MappingConfig:
+        """Return a configuration that says whether poses are corrected by the map."""
+        if self.way is None or not self.has_map:
+            return config
+        alignment = replace(config.alignment, enabled=self.way in ("map", "auto"))
+        return replace(config, alignment=alignment)
+
+    def corrected(
+        self, recording: PendingRecording, force: bool
+    ) -> tuple[PendingRecording, CorrectedPoses | None]:
+        """Return a recording with poses corrected by a graph, and these; the same if by none.
+
+        Args:
+            recording: what is to be mapped.
+            force: whether a trajectory file is replaced.
+
+        Raises:
+            HypermapError: If the trajectory cannot be saved.
+        """
+        if not self.by_graph:
+            return recording, None
+        from hypermap.formats.atomic import write_file
+        from hypermap.mapping.pose_graph import CorrectedRecording, correct_poses
+
+        if self.save is not None:
+            check_output(self.save, force)
+        with counting("correcting poses", len(recording), "frames") as count:
+            made = correct_poses(recording, count)
+        if self.save is not None:
+            write_file(self.save, made.tum().encode())
+            note(f"saved {self.save}")
+        return CorrectedRecording(recording, made.poses), made
+
+
+def known_map(base: Hypermap | None) -> bool:
+    """Return whether the poses of a map's drives are corrected by its occupancy layer."""
+    return base is not None and base.metadata.get("poses") == "corrected by the occupancy map"
+
+
+def described(metadata: dict[str, Any], corrected: CorrectedPoses | None) -> dict[str, Any]:
+    """Return a map's metadata with what became of poses that were corrected without a map."""
+    if corrected is None:
+        return metadata
+    summary = corrected.summary()
+    by = "corrected by a pose graph" if summary["corrected"] else "as recorded"
+    return metadata | {"poses": by, "pose_corrections": summary}

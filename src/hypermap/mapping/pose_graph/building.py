@@ -1,0 +1,186 @@
+"""Builds a pose graph from the views of a drive, in the order in which they were seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hypermap.core.arrays import IntArray
+from hypermap.mapping.pose_graph.graph import PoseGraph
+from hypermap.mapping.pose_graph.matching import Match, Matcher, looked_at
+from hypermap.mapping.pose_graph.odometry import information_of
+from hypermap.mapping.pose_graph.planar import Array, between, compose, wrapped
+from hypermap.mapping.pose_graph.view import View
+
+_RECENT = 12  # views before one that may show the same without a loop
+_MOST_LOOPS = 8  # matches of one view to much earlier ones
+_APART = 2.0  # meters between what two views that are matched look at, at most
+_SAME_WAY = np.radians(50)  # between their directions, at most
+_SURE = 0.15, np.radians(4)  # [m, rad] up to which views are matched from where they are
+_UNSURE = 6.0, np.radians(45)  # [m, rad] from which on no place is looked for
+_NEAR = 1.0  # meters between the cameras of places that are looked for, beside the uncertainty
+_SIGMAS = 3.0  # standard deviations within which a place is looked for
+_SEARCH_EVERY = 3  # views
+_MOST_SEARCHES = 3  # places about which one view is looked for
+_DIFFERENT = 1.5  # meters of way between them
+_OPTIMIZE_EVERY = 20  # views that close loops; at once if they do not fit
+
+
+@dataclass
+class LoopCounts:
+    """What became of tries to close loops.
+
+    Attributes:
+        searched: places about which a view was looked for.
+        found: of these, where it was found.
+        closed: matches of views to much earlier ones.
+    """
+
+    searched: int = 0
+    found: int = 0
+    closed: int = 0
+
+
+class Building:
+    """A pose graph that grows by views.
+
+    Each view is matched to those just before it, and to much earlier ones that show the same by its
+    pose in the graph. Where this pose is not sure enough for that, the view is looked for.
+
+    Attributes:
+        graph: poses and matches.
+        loops: what became of tries to close loops.
+    """
+
+    def __init__(self) -> None:
+        self.graph = PoseGraph()
+        self.loops = LoopCounts()
+        self._views: list[View] = []
+        self._ways: list[float] = []
+        self._matcher = Matcher(self._views, self._ways)
+        self._since = 0  # views since all poses were optimized
+
+    def add(self, view: View) -> None:
+        """Add the next view of the drive."""
+        graph, b = self.graph, len(self._views)
+        self._views.append(view)
+        if b == 0:
+            graph.add_node(view.pose)
+            self._ways.append(0.0)
+            return
+        step = between(self._views[b - 1].pose, view.pose)
+        self._ways.append(self._ways[-1] + float(np.hypot(*step[:2])))
+        graph.add_node(compose(graph.poses[b - 1], step))
+        graph.add_edge(b - 1, b, step, information_of(step), is_match=False)
+        self._follow(b)
+        self._close_loops(b, np.arange(max(0, b - _RECENT)))
+
+    def finish(self) -> None:
+        """Move all poses to where matches and odometry fit best."""
+        self.graph.optimize()
+
+    @property
+    def stamps(self) -> Array:
+        """The stamps of the views [s], shape (N,)."""
+        return np.array([view.stamp for view in self._views])
+
+    @property
+    def given(self) -> Array:
+        """Their poses as recorded, shape (N, 3)."""
+        return np.array([view.pose for view in self._views]).reshape(-1, 3)
+
+    @property
+    def poses(self) -> Array:
+        """Their poses in the graph, shape (N, 3)."""
+        return self.graph.poses
+
+    def match_errors(self) -> tuple[Array, Array]:
+        """Return the square of each match's error over its covariance, shapes (M,).
+
+        By the poses as recorded, and by those of the graph.
+        """
+        graph = self.graph
+        return graph.squares(self.given)[graph.is_match], graph.squares(self.poses)[graph.is_match]
+
+    def _follow(self, b: int) -> None:
+        """Match a view to those just before it, and put it where they agree that it is.
+
+        Then a step of the recorded poses that is wrong does not make matches look wrong.
+        """
+        recent = np.sort(self._that_may_share(b, np.arange(max(0, b - _RECENT), b)))
+        matches = self._matches(recent.tolist(), b)
+        self._link(matches)
+        place = self._matcher.agreeing(self.poses, matches, b)[1]
+        if place is not None:
+            self.graph.poses[b] = place
+
+    def _matches(self, others: Sequence[int], b: int) -> list[Match]:
+        tried = [self._matcher.match(self.poses, a, b) for a in others]
+        return [match for match in tried if match is not None]
+
+    def _link(self, matches: Sequence[Match]) -> None:
+        for match in matches:
+            self.graph.add_edge(*match, is_match=True)
+
+    def _close_loops(self, b: int, earlier: IntArray) -> None:
+        """Match a view to earlier ones, and optimize all poses if this moves them."""
+        near = self._that_may_share(b, earlier)
+        is_turn = b % _SEARCH_EVERY == 0 and len(earlier) > 0
+        if len(near) == 0 and not is_turn:
+            return
+        position, yaw = self.graph.uncertainty(b)
+        sure = near[(position[near] < _SURE[0]) & (yaw[near] < _SURE[1])]
+        matches = self._matches(_spread(sure, _MOST_LOOPS), b)
+        if not matches and is_turn:
+            matches = self._search(b, earlier, position, yaw)
+        self._since += 1
+        if not matches:
+            return
+        self._link(matches)
+        self.loops.closed += len(matches)
+        fit = self.graph.squares(self.poses)[-len(matches) :]
+        if np.median(fit) > 1 or self._since > _OPTIMIZE_EVERY:
+            self.graph.optimize()
+            self._since = 0
+
+    def _that_may_share(self, b: int, earlier: IntArray) -> IntArray:
+        """Return the earlier views that may show the same as one, the nearest first."""
+        poses = self.graph.poses
+        apart = np.hypot(*(looked_at(poses[earlier]) - looked_at(poses[b])).T)
+        turned = np.abs(wrapped(poses[earlier, 2] - poses[b, 2]))
+        order = np.argsort(apart, kind="stable")
+        order = order[(apart[order] < _APART) & (turned[order] < _SAME_WAY)]
+        return np.asarray(earlier[order])
+
+    def _search(self, b: int, earlier: IntArray, position: Array, yaw: Array) -> list[Match]:
+        """Return matches of a view to a place about which it was looked for, if it is found."""
+        poses = self.graph.poses
+        apart = np.hypot(*(poses[earlier, :2] - poses[b, :2]).T)
+        possible = (apart < _NEAR + _SIGMAS * position[earlier]) & (position[earlier] < _UNSURE[0])
+        possible &= yaw[earlier] < _UNSURE[1]
+        tried: list[int] = []
+        for a in earlier[np.argsort(np.where(possible, apart, np.inf))[: possible.sum()]]:
+            if any(abs(self._ways[a] - self._ways[c]) < _DIFFERENT for c in tried):
+                continue
+            tried.append(int(a))
+            self.loops.searched += 1
+            reach = _SIGMAS * np.array([position[a], yaw[a]])
+            if matches := self._matcher.find(poses, int(a), b, reach):
+                self.loops.found += 1
+                return matches[:_MOST_LOOPS]
+            if len(tried) == _MOST_SEARCHES:
+                break
+        return []
+
+
+def _spread(chosen: IntArray, count: int) -> list[int]:
+    """Return some of the views, the best first, but not many of one moment."""
+    kept: list[int] = []
+    for a in chosen.tolist():
+        if all(abs(a - c) > 2 for c in kept):
+            kept.append(a)
+        if len(kept) == count:
+            break
+    return kept

@@ -1,0 +1,217 @@
+"""Search for a place: where the surfaces of one part of a drive lie on those of another.
+
+Source: Olson, "Real-time correlative scan matching", ICRA 2009; its search by branch and bound
+over grids of maxima is that of Hess, Kohler, Rapp, Andor, "Real-time loop closure in 2D LIDAR
+SLAM", ICRA 2016. Points are in bands of height here, so that a table is not taken for a wall.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from hypermap._loops import loop
+from hypermap.core.arrays import IntArray
+from hypermap.mapping.pose_graph.planar import Array
+
+_SIDE = 0.05  # of a cell [m]
+_BANDS = np.array([0.4, 0.85, 1.3])  # heights between bands [m]
+_LEVELS = 5  # of grids; the coarsest has cells 2 ** (_LEVELS - 1) as large
+_SPREAD = 1.0  # cells; standard deviation of where a surface is
+_STEP = math.radians(1.0)
+_MOST_POINTS = 500
+_FEWEST_POINTS = 60
+_ELSEWHERE = np.array([0.4, math.radians(10)])  # by which another place differs [m, rad]
+
+Cells = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The best place of a search.
+
+    Attributes:
+        a_T_b: where the second part lies in the first, x, y, yaw [m, m, rad], shape (3,).
+        score: 0..1, 1 where all its points lie on surfaces of the first.
+        other: the best score of all places elsewhere, as far as it is above the least of interest.
+    """
+
+    a_T_b: Array
+    score: float
+    other: float
+
+
+class Surroundings:
+    """Where surfaces are about a place, as grids of which each level has the maxima of the last."""
+
+    def __init__(self, points: Array) -> None:
+        """Prepare to search.
+
+        Args:
+            points: of upright surfaces, x and y about the place, z from the floor, shape (N, 3).
+        """
+        self._first = np.floor(points[:, :2].min(axis=0) / _SIDE).astype(int) - 4
+        shape = np.floor(points[:, :2].max(axis=0) / _SIDE).astype(int) - self._first + 5
+        band = np.digitize(points[:, 2], _BANDS)
+        cells = np.floor(points[:, :2] / _SIDE).astype(int) - self._first
+        grid = np.zeros((len(_BANDS) + 1, *shape[::-1]), np.float32)
+        grid[band, cells[:, 1], cells[:, 0]] = 1
+        blurred = np.stack([_near(one) for one in grid])
+        levels = [blurred]
+        for level in range(1, _LEVELS):
+            levels.append(_maxima(levels[-1], 2 ** (level - 1)))
+        self._levels = levels
+
+    def place_of(self, points: Array, about: Array, reach: Array, least: float) -> Found | None:
+        """Return where points of another part lie best.
+
+        Args:
+            points: as above, about its own place, shape (N, 3).
+            about: where this is thought to be, x, y, yaw [m, m, rad], shape (3,).
+            reach: how far it may be from there [m, rad], shape (2,).
+            least: score below which nothing is found, and of which share of the best score another
+                place is of interest.
+        """
+        points = thinned(points)
+        if len(points) < _FEWEST_POINTS:
+            return None
+        yaws = about[2] + np.arange(-reach[1], reach[1] + _STEP, _STEP)
+        cells, bands = self._cells(points, about[:2], yaws), np.digitize(points[:, 2], _BANDS)
+        steps = math.ceil(reach[0] / _SIDE)
+        best = self._best(cells, bands, steps, least, np.ones(len(yaws), bool), None)
+        if best is None:
+            return None
+        yaw, dx, dy, score = best
+        near = np.abs(yaws - yaws[yaw]) <= _ELSEWHERE[1]
+        away = round(_ELSEWHERE[0] / _SIDE)
+        others = [
+            self._best(cells, bands, steps, least * score, ~near, None),
+            self._best(cells, bands, steps, least * score, near, (dx, dy, away)),
+        ]
+        other = max((found[3] for found in others if found is not None), default=0.0)
+        x, y = about[:2] + np.array([dx, dy]) * _SIDE
+        return Found(np.array([x, y, yaws[yaw]]), score, other)
+
+    def _cells(self, points: Array, about: Array, yaws: Array) -> IntArray:
+        """Return column and row of each point for each yaw, shape (Y, N, 2)."""
+        cos, sin = np.cos(yaws)[:, np.newaxis], np.sin(yaws)[:, np.newaxis]
+        x = cos * points[:, 0] - sin * points[:, 1] + about[0]
+        y = sin * points[:, 0] + cos * points[:, 1] + about[1]
+        places = np.floor(np.stack([x, y], axis=2) / _SIDE).astype(np.int64) - self._first
+        return np.ascontiguousarray(places)
+
+    def _best(
+        self,
+        cells: IntArray,
+        bands: IntArray,
+        steps: int,
+        least: float,
+        is_tried: NDArray[np.bool_],
+        spared: tuple[int, int, int] | None,
+    ) -> tuple[int, int, int, float] | None:
+        """Return the best place: number of the yaw, steps in x and y, and score.
+
+        Args:
+            cells: of the points for each yaw, shape (Y, N, 2).
+            bands: of the points, shape (N,).
+            steps: in which x and y may differ.
+            least: score that it must have.
+            is_tried: which yaws are tried, shape (Y,).
+            spared: place and distance of steps within which nothing is looked for.
+        """
+        coarsest = 2 ** (_LEVELS - 1)
+        corners = np.arange(-steps, steps + 1, coarsest)
+        chosen = np.flatnonzero(is_tried)
+        first = np.array(np.meshgrid(chosen, corners, corners, indexing="ij")).reshape(3, -1).T
+        bounds = np.zeros(len(first))
+        grid = self._levels[-1]
+        _score(grid, coarsest - 1, cells, bands, np.ascontiguousarray(first), bounds)
+        best: tuple[int, int, int, float] | None = None
+        # Best first, and depth first from there: bounds of finer cells are never above.
+        stack = [(bounds[k], _LEVELS - 1, first[k]) for k in np.argsort(bounds)]
+        while stack:
+            bound, level, node = stack.pop()
+            if bound <= least:
+                if level == _LEVELS - 1:
+                    break  # the others have even less
+                continue
+            if level == 0:
+                if max(abs(int(node[1])), abs(int(node[2]))) > steps:
+                    continue
+                if spared is not None and (
+                    math.hypot(node[1] - spared[0], node[2] - spared[1]) < spared[2]
+                ):
+                    continue
+                least, best = bound, (int(node[0]), int(node[1]), int(node[2]), float(bound))
+                continue
+            half = 2 ** (level - 1)
+            parts = node + np.array([[0, 0, 0], [0, half, 0], [0, 0, half], [0, half, half]])
+            scores = np.zeros(4)
+            _score(self._levels[level - 1], half - 1, cells, bands, parts, scores)
+            better = [k for k in np.argsort(scores) if scores[k] > least]
+            stack.extend((scores[k], level - 1, parts[k]) for k in better)
+        return best
+
+
+def thinned(points: Array) -> Array:
+    """Return one point per cell and band, and not more than are compared quickly."""
+    keys = np.column_stack([np.floor(points[:, :2] / _SIDE), np.digitize(points[:, 2], _BANDS)])
+    _, chosen = np.unique(keys.astype(np.int64), axis=0, return_index=True)
+    chosen.sort()
+    return points[chosen[:: -(-len(chosen) // _MOST_POINTS)]]
+
+
+def _near(grid: NDArray[np.float32]) -> Cells:
+    """Return how near each cell is to an occupied one, 0..255."""
+    if not grid.any():
+        return np.zeros(grid.shape, np.uint8)
+    distance = ndimage.distance_transform_edt(grid == 0)
+    return np.asarray(255 * np.exp(-0.5 * (distance / _SPREAD) ** 2)).astype(np.uint8)
+
+
+def _maxima(finer: Cells, half: int) -> Cells:
+    """Return grids with the maximum of each cell's and three later cells' values, `half` apart.
+
+    They have one cell more at the beginning for each that a later one may reach.
+    """
+    bands, height, width = finer.shape
+    padded = np.zeros((bands, height + half, width + half), np.uint8)
+    for rows in (0, half):
+        for columns in (0, half):
+            part = padded[:, rows : rows + height, columns : columns + width]
+            np.maximum(part, finer, out=part)
+    return padded
+
+
+@loop()
+def _score(
+    grid: Cells,
+    before: int,
+    cells: IntArray,
+    bands: IntArray,
+    nodes: IntArray,
+    scores: Array,
+) -> None:
+    """Fill in the mean value of the points' cells at some places.
+
+    Args:
+        grid: values by band, row and column.
+        before: rows and columns that it has before the first ones of the finest grid.
+        cells: of the points for each yaw, shape (Y, N, 2).
+        bands: of the points, shape (N,).
+        nodes: yaw, and steps in x and y, shape (P, 3).
+        scores: 0..1, shape (P,).
+    """
+    rows, columns = grid.shape[1:]
+    for k in range(len(nodes)):
+        yaw, dx, dy = nodes[k]
+        total = 0
+        for i in range(len(bands)):
+            column, row = cells[yaw, i, 0] + dx + before, cells[yaw, i, 1] + dy + before
+            if 0 <= row < rows and 0 <= column < columns:
+                total += grid[bands[i], row, column]
+        scores[k] = total / (255.0 * len(bands))
