@@ -30,8 +30,9 @@ def seen(
     area: BaseGeometry = ROOM,
     stamp: float = 0.0,
     score: float = 1.0,
+    top: float = 0.9,
 ) -> Observation:
-    objects = tuple(ObservedObject(name, score, shape, 0.1, 0.9) for shape in shapes)
+    objects = tuple(ObservedObject(name, score, shape, 0.1, top) for shape in shapes)
     return Observation(stamp, np.eye(4), objects, area)
 
 

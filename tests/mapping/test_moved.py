@@ -27,6 +27,7 @@ def after_a_move(
     other_area: shapely.Polygon = ROOM,
     other: shapely.Polygon | None = None,
     name: str = "chair",
+    top: float = 0.9,
     edit: HandEdit | None = None,
 ) -> EvidenceMap:
     """Return a map of a chair that was seen at (-3, 0), and then not there but at another place.
@@ -36,6 +37,7 @@ def after_a_move(
         other_area: what is seen while the chair is at its first place.
         other: the shape at the other place; as it was before if None.
         name: its class there.
+        top: how high it is there [m]; 0.9 before.
         edit: by hand, between the two.
     """
     evidence = EvidenceMap(config)
@@ -45,7 +47,7 @@ def after_a_move(
         evidence.go_on_with(evidence.tracks(), {0: edit})
     for second in range(60):
         there = square(3) if other is None else other
-        evidence.update(seen(there, name=name, stamp=DAY + second))
+        evidence.update(seen(there, name=name, top=top, stamp=DAY + second))
     return evidence
 
 
@@ -62,11 +64,22 @@ def test_an_object_that_was_moved_keeps_its_id_and_says_how_surely() -> None:
         {"other_area": LEFT},  # the other place had not been looked at: perhaps it was there
         {"other": square(3, side=2)},
         {"name": "table"},
+        {"top": 0.7},
+        {"top": 1.2},
         {"config": THESIS},
         {"edit": HandEdit(name="Anna's chair")},
         {"edit": HandEdit(footprint=square(-3, side=0.5))},
     ],
-    ids=["not looked at", "another size", "another class", "thesis", "renamed", "reshaped"],
+    ids=[
+        "not looked at",
+        "another size",
+        "another class",
+        "lower",
+        "higher",
+        "thesis",
+        "renamed",
+        "reshaped",
+    ],
 )
 def test_otherwise_it_is_another_object(what: dict[str, object]) -> None:
     found = {item.id: item for item in after_a_move(**what).objects()}  # type: ignore[arg-type]
@@ -117,6 +130,26 @@ def test_what_stands_in_a_part_of_its_old_place_was_moved_there() -> None:
     chair = only(evidence)
     assert (chair.id, chair.first_seen) == (0, 0.0)
     assert chair.footprint.centroid.x == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_small_move_is_found_once_the_old_place_was_looked_at() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(8):
+        evidence.update(seen(square(0), stamp=second))
+    for second in range(6):  # at first, the frames do not reach as far as the old place
+        area = shapely.box(0.2, -10, 10, 10) if second < 4 else ROOM
+        evidence.update(seen(square(0.4), area=area, stamp=DAY + second))
+    assert only(evidence).footprint.centroid.x == pytest.approx(0.4, abs=0.02)
+    assert "moved" in only(evidence).attributes
+
+
+def test_what_stood_by_a_wall_is_gone_where_another_drive_sees_the_wall() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(viewed(seen(CHAIR, stamp=second), level(2.0)))
+    for second in range(4):
+        evidence.update(viewed(seen(stamp=DAY + second), level(2.4)))  # 0.1 m behind the chair
+    assert evidence.objects() == []
 
 
 def test_frames_of_one_drive_that_differ_a_little_are_no_move() -> None:

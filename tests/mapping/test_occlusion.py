@@ -30,10 +30,8 @@ def looking_along_x(
 
 
 def shares(view: DepthView, shape: shapely.Polygon = CHAIR) -> tuple[float, float]:
-    visible, through = visible_shares(
-        view, [sample_points(PreparedPolygon.of(shape))], HEIGHTS, tolerance=0.15
-    )
-    return float(visible[0]), float(through[0])
+    seen = visible_shares(view, [sample_points(PreparedPolygon.of(shape))], HEIGHTS, tolerance=0.15)
+    return float(seen.visible[0]), float(seen.through[0])
 
 
 @pytest.mark.parametrize(
@@ -43,6 +41,12 @@ def shares(view: DepthView, shape: shapely.Polygon = CHAIR) -> tuple[float, floa
 )
 def test_what_the_rays_show_of_an_object(depth: float, expected: tuple[float, float]) -> None:
     assert shares(looking_along_x(depth)) == expected
+
+
+def test_a_wall_right_behind_an_object_is_not_behind_all_of_it() -> None:
+    samples = [sample_points(PreparedPolygon.of(CHAIR))]
+    seen = visible_shares(looking_along_x(2.44), samples, HEIGHTS, tolerance=0.15)
+    assert (seen.visible, seen.through, seen.beyond) == (1, 0, 1)
 
 
 @pytest.mark.parametrize("yaw", [np.pi, np.pi / 2, -np.pi / 2])
@@ -62,13 +66,13 @@ def test_what_is_too_small_to_be_found_is_not_missed() -> None:
     cup = shapely.box(3.0, 0.0, 3.08, 0.08)
     heights = np.array([[1.0, 1.1]])
     samples = [sample_points(PreparedPolygon.of(cup))]
-    assert visible_shares(looking_along_x(6.0), samples, heights, 0.15)[0] == 0
-    assert visible_shares(looking_along_x(6.0, x=2.0), samples, heights, 0.15)[0] == 1
+    assert visible_shares(looking_along_x(6.0), samples, heights, 0.15).visible == 0
+    assert visible_shares(looking_along_x(6.0, x=2.0), samples, heights, 0.15).visible == 1
 
 
 def test_without_objects_there_is_nothing_to_see() -> None:
-    visible, through = visible_shares(looking_along_x(4.0), [], np.empty((0, 2)), 0.15)
-    assert len(visible) == len(through) == 0
+    seen = visible_shares(looking_along_x(4.0), [], np.empty((0, 2)), 0.15)
+    assert len(seen.visible) == len(seen.through) == len(seen.beyond) == 0
 
 
 @settings(deadline=None, max_examples=50)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -21,6 +22,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.evaluation.matching import match_objects
+from hypermap.experiments.look_alikes import as_told
 from hypermap.experiments.parallel import in_processes
 from hypermap.history import grown
 from hypermap.mapping.config import MappingConfig
@@ -183,8 +185,10 @@ def _laser_map(recording: SimulatedRecording) -> OccupancyLayer:
 def _count_day(tally: Tally, before: _MappedDay, after: _MappedDay) -> None:
     history = after.hypermap.history
     assert history is not None
-    said = list(history.revisions()[-1].changes)
-    true = [change for change in after.day.changes if _is_seen(change, before, after)]
+    revision = history.revisions()[-1]
+    said, drive = list(revision.changes), f"{after.day.world.name}, {revision.drive}"
+    changes, mistaken = as_told(after.day.changes, said, _NEAR)
+    true = [change for change in changes if _is_seen(change, before, after)]
     for kind, reported_as in _REPORTED.items():
         of_kind = [change for change in true if change.kind == kind]
         reported = [one for one in said if one.kind == reported_as]
@@ -201,9 +205,9 @@ def _count_day(tally: Tally, before: _MappedDay, after: _MappedDay) -> None:
             tally.swapped_found += len(excused)
         missed = [of_kind[i] for i in range(len(of_kind)) if i not in {a for a, _ in pairs}]
         wrong = [one for j, one in enumerate(others) if j not in excused]
-        tally.notes += [f"{after.day.world.name}: missed {_told(change)}" for change in missed]
-        tally.notes += [f"{after.day.world.name}: wrong {_said(change)}" for change in wrong]
-    _count_ids(tally, before, after)
+        tally.notes += [f"{drive}: missed {_told(change)}" for change in missed]
+        tally.notes += [f"{drive}: wrong {_said(change)}" for change in wrong]
+    _count_ids(tally, before, after, mistaken)
 
 
 def _told(change: WorldChange) -> str:
@@ -259,11 +263,16 @@ def _cost(true: WorldChange, said: Change) -> float:
     return worst
 
 
-def _count_ids(tally: Tally, before: _MappedDay, after: _MappedDay) -> None:
-    """Count the true objects that kept their ids from one map to the next."""
+def _count_ids(
+    tally: Tally, before: _MappedDay, after: _MappedDay, mistaken: AbstractSet[int]
+) -> None:
+    """Count the true objects that kept their ids from one map to the next.
+
+    Those that were swapped or `mistaken` for others that look alike do not count.
+    """
     ids = [_ids_of_things(day) for day in (before, after)]
     swapped = {change.thing for change in after.day.changes if change.kind == "swapped"}
-    both = (ids[0].keys() & ids[1].keys()) - swapped
+    both = (ids[0].keys() & ids[1].keys()) - swapped - mistaken
     switched = {thing for thing in both if ids[0][thing] != ids[1][thing]}
     tally.kept += len(both)
     tally.switched += len(switched)

@@ -83,13 +83,13 @@ def _penalize_by_rays(
     near = tracks.shapes.within(_EVERYWHERE, view.position[:2], config.max_range)
     rows = tracks.excluding(near, observed)
     samples = [tracks.shapes.polygons[row].cached(sample_points) for row in rows]
-    visible, through = visible_shares(view, samples, tracks.shapes.heights[rows], config.tolerance)
-    is_absent = through >= _ABSENT * visible
-    for i in np.flatnonzero(visible >= _VISIBLE).tolist():
+    seen = visible_shares(view, samples, tracks.shapes.heights[rows], config.tolerance)
+    is_absent, is_gone = (share >= _ABSENT * seen.visible for share in (seen.through, seen.beyond))
+    for i in np.flatnonzero(seen.visible >= _VISIBLE).tolist():
         buffer = tracks.objects[rows[i]].buffer
         if stamp - buffer.last_seen > STALE:
             missed = config.stale_miss if buffer.count >= _WELL_SEEN else config.loss
-            loss = config.stale_loss if is_absent[i] else missed
+            loss = config.stale_loss if is_gone[i] else missed
         else:
             loss = config.gone_loss if is_absent[i] else config.loss
         tracks.change_existence(rows[i], -loss)

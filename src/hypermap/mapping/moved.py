@@ -37,6 +37,7 @@ _COVERED = 0.5  # share of the place that such a view must cover
 _ON_FLOOR = 0.3  # [m] above which an object's place is not on the floor, and its views only near
 _NEAR = 0.25  # [m]
 _BESIDE = 0.2  # [m] between the old place and one that it is moved to without a look between
+_SAME_HEIGHT = 0.85  # of the higher of two objects, that the other must have
 _LEAST = 0.2  # [m] between centroids that are a move within an object's place
 _PER_AREA = 0.4  # [m] per square meter: of large things, a drive may see but one side
 
@@ -88,6 +89,7 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
     since = [tracks.objects[row].gone_since for row in gone]
     _leave_out_older(alike, np.array([last.max() if one is None else one for one in since]))
     _leave_out_others(alike, tracks, gone, there)
+    _leave_out_other_heights(alike, tracks, gone, there)
     rows, cols = linear_sum_assignment(np.where(alike > 0, ways, 1e6))
     found = []
     for i, j in zip(rows.tolist(), cols.tolist(), strict=True):
@@ -126,6 +128,22 @@ def _leave_out_others(
                 alike[i, j] = 0
 
 
+def _leave_out_other_heights(
+    alike: NDArray[np.float64], tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
+) -> None:
+    """Set to 0 what is not as high, where both stand on the floor.
+
+    Who sees an object few times may not have seen its top yet; then nothing is known so far.
+    """
+    for i, j in np.argwhere(alike > 0).tolist():
+        (low, high), (other_low, other_high) = (
+            tracks.objects[row].buffer.heights() for row in (gone[i], there[j])
+        )
+        is_on_floor = max(low, other_low) <= _ON_FLOOR
+        if is_on_floor and min(high, other_high) < _SAME_HEIGHT * max(high, other_high):
+            alike[i, j] = 0
+
+
 def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
     """Return whether a track is beside where another was, not seen since another drive."""
     begin, end = tracks.objects[row].buffer.first_seen, tracks.objects[other].buffer.last_seen
@@ -139,8 +157,7 @@ def moved_within_place(
     """Return the evidence since an object was moved by less than its size, and how alike it is.
 
     The evidence of the newest drive, or since the object was not seen for long, must agree on
-    another place, and have seen the floor where the object was. This is looked at when there are
-    4, 8, 16, ... pieces of it.
+    another place, and have seen the floor where the object was. There must be 4 pieces of it.
 
     Args:
         buffer: the evidence for an object; stays as it is.
@@ -156,8 +173,10 @@ def moved_within_place(
         return None
     since = int(gaps[-1]) + 1
     fresh = buffer.items[since:]
-    is_time = len(fresh) >= CONFIRMED and len(fresh).bit_count() == 1
-    if not is_time or since < CONFIRMED:
+    if len(fresh) < CONFIRMED or since < CONFIRMED:
+        return None
+    means = [part.mean(axis=0) for part in np.split(buffer.centroids, [since])]
+    if np.linalg.norm(means[1] - means[0]) < _LEAST / 2:  # the usual case, which costs nothing
         return None
     newer = _buffer_of(fresh, buffer, config)
     older = _buffer_of(buffer.items[:since], buffer, config)

@@ -44,9 +44,25 @@ def sample_points(shape: PreparedPolygon) -> SamplePoints:
     return SamplePoints(around, xy, float(across.max()))
 
 
+@dataclass(frozen=True, eq=False)
+class SeenShares:
+    """How much of N objects a frame could see, as shares of each one's samples, shape (N,) each.
+
+    Attributes:
+        visible: of those whose rays ended at the object or behind it.
+        through: of those whose rays ended behind the whole object.
+        beyond: of those whose rays ended behind the sample itself. A thing that is gone from a wall
+            shows the wall, which is not behind all of it by more than the tolerance.
+    """
+
+    visible: NDArray[np.float64]
+    through: NDArray[np.float64]
+    beyond: NDArray[np.float64]
+
+
 def visible_shares(
     view: DepthView, samples: Sequence[SamplePoints], heights: NDArray[np.float64], tolerance: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> SeenShares:
     """Return how much of each object a frame could see, and how much it saw through.
 
     Sample points of each object are looked up in the depth image. A ray that ended before the
@@ -58,13 +74,9 @@ def visible_shares(
         samples: of each object, N.
         heights: lowest and highest point of each object [m], shape (N, 2).
         tolerance: by how much the measured surface of an object may be off [m].
-
-    Returns:
-        Share of each object's samples whose rays ended at the object or behind it, and share of
-        those that ended behind it, shape (N,) each.
     """
     if not samples:
-        return np.empty(0), np.empty(0)
+        return SeenShares(np.empty(0), np.empty(0), np.empty(0))
     around = np.array([one.around for one in samples])
     distances = np.linalg.norm(around - view.position[:2], axis=2)
     xy = np.array([one.xy for one in samples])
@@ -76,8 +88,11 @@ def visible_shares(
     # Where there was no return, the comparisons with NaN are false: not visible.
     visible = reach >= distances.min(axis=1, keepdims=True) - tolerance
     through = reach > distances.max(axis=1, keepdims=True) + tolerance
+    own = np.linalg.norm(xy - view.position[:2], axis=2)
+    beyond = reach > np.repeat(own, len(_HEIGHTS), axis=1) + tolerance
     sizes = np.array([one.width for one in samples]) * (heights[:, 1] - heights[:, 0])
     K = view.camera.K
     rays = sizes * K[0, 0] * K[1, 1] / np.maximum(distances.mean(axis=1), 1e-3) ** 2
     is_large = rays >= _FEWEST_RAYS
-    return visible.mean(axis=1) * is_large, through.mean(axis=1) * is_large
+    shares = (found.mean(axis=1) * is_large for found in (visible, through, beyond))
+    return SeenShares(*shares)

@@ -131,8 +131,11 @@ class _Draft:
         if len(group) != 1:
             return False
         one = room.objects[group[0]]
-        others = [i for i in self._loose(room) if i != group[0] and _alike(one, room.objects[i])]
-        if not others or one.at is None:
+        if one.at is None:
+            return False
+        others = [i for i in self._loose(room) if i != group[0] and room.objects[i].at is not None]
+        others = [i for i in others if look_alike(one, room.objects[i])]
+        if not others:
             return False
         other = room.objects[int(self._rng.choice(others))]
         pair = [group[0], room.objects.index(other)]
@@ -253,13 +256,23 @@ class _Draft:
         self._change(self._with([*self._world.objects, new]))
 
 
-def _alike(one: WorldObject, other: WorldObject) -> bool:
-    """Return whether two things are of one class, and of nearly the same size."""
+def look_alike(one: WorldObject, other: WorldObject) -> bool:
+    """Return whether two things are of one class, and of nearly the same size.
+
+    Nobody can tell such things apart.
+    """
     is_same = (one.label, one.model, one.z) == (other.label, other.model, other.z)
-    if not is_same or one.at is None or other.at is None:
+    if not is_same or (one.outline is None) != (other.outline is None):
         return False
-    keys = one.size.keys() | other.size.keys()
+    sizes, others = _sizes(one), _sizes(other)
+    keys = sizes.keys() | others.keys()
     return all(
-        math.isclose(one.size.get(key, -1), other.size.get(key, -1), rel_tol=_SAME_SIZE)
-        for key in keys
+        math.isclose(sizes.get(key, -1), others.get(key, -1), rel_tol=_SAME_SIZE) for key in keys
     )
+
+
+def _sizes(thing: WorldObject) -> dict[str, float]:
+    if thing.outline is None:
+        return thing.size
+    a, b, c, _ = thing.outline
+    return {**thing.size, "length": math.dist(a, b), "width": math.dist(b, c)}
