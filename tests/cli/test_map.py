@@ -111,6 +111,21 @@ def test_poses_are_corrected_without_a_map(hypermap, tmp_path):
     assert again.err.endswith("corrected.txt exists already; give --force to replace it\n")
 
 
+def test_another_drive_does_not_tell_of_corrections_of_the_first(hypermap, tmp_path):
+    drives = [write_drive(tmp_path / name, frames=4) for name in "ab"]
+    lists = [drives[1] / name for name in ("depth.txt", "rgb.txt", "groundtruth.txt")]
+    for file in lists:  # a second drive, later than the first
+        file.write_text(file.read_text().replace("100.", "200."))
+    first, both = tmp_path / "first.hmap", tmp_path / "both.hmap"
+    common = ["map", "--no-objects", "--intrinsics", INTRINSICS]
+    graph = hypermap(*common, drives[0], "--correct-poses", "graph", "-o", first)
+    assert "no frames could be matched" in graph.err
+    assert "pose_corrections" in hypermap("info", first, "--json").json["metadata"]
+    more = hypermap(*common, drives[1], "--onto", first, "-o", both)
+    assert more.code == 0
+    assert "pose_corrections" not in hypermap("info", both, "--json").json["metadata"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

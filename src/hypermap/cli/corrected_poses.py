@@ -113,9 +113,13 @@ def known_map(base: Hypermap | None) -> bool:
 
 
 def described(metadata: dict[str, Any], corrected: CorrectedPoses | None) -> dict[str, Any]:
-    """Return a map's metadata with what became of poses that were corrected without a map."""
+    """Return a map's metadata with what became of poses that were corrected without a map.
+
+    What was said of an earlier drive is left out where this one's poses are as recorded.
+    """
     if corrected is None:
-        return metadata
+        is_stale = metadata["poses"] == "as recorded"
+        return {k: v for k, v in metadata.items() if not (is_stale and k == "pose_corrections")}
     summary = corrected.summary()
     by = "corrected by a pose graph" if summary["corrected"] else "as recorded"
     return metadata | {"poses": by, "pose_corrections": summary}
