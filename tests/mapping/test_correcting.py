@@ -24,7 +24,7 @@ from hypermap.core.semantic import SemanticObject
 from hypermap.core.trajectory import Trajectory, pose_from_rpy, trajectory_of
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map, save_map
-from hypermap.mapping import frame_log
+from hypermap.mapping import correcting, frame_log
 from hypermap.mapping.config import profile
 from hypermap.mapping.correcting import CannotCorrect
 from hypermap.mapping.frame_log import (
@@ -259,6 +259,27 @@ def test_old_frames_are_dropped_and_stay_where_they_were(monkeypatch: pytest.Mon
     kept = len(mapper.logged_poses()[0])
     assert 10 <= kept <= 20 < mapper.counts.used
     assert mapper.correct(truth()).frames == kept
+
+
+def test_frames_before_those_that_move_are_not_mapped_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(frame_log, "PART", 10)
+    once = mapper_of(drifted()[:17])
+    stamps, poses = once.logged_poses()
+    poses[13:] = poses[13:] @ pose_from_rpy(0, 0, 0.2, 0, 0, 0)  # along the view
+    steps: list[tuple[int, int]] = []
+    once.correct(trajectory_of(stamps, poses), lambda *step: steps.append(step))
+    assert steps == [(n, 7) for n in range(1, 8)]
+
+    whole = mapper_of(drifted()[:17])
+    monkeypatch.setattr(correcting, "_parts_that_stay", lambda *_: 0)
+    whole.correct(trajectory_of(stamps, poses))
+    pairs = list(zip(objects(once.hypermap()), objects(whole.hypermap()), strict=True))
+    assert all((one.id, one.name) == (other.id, other.name) for one, other in pairs)
+    assert min(best_ious([one], [other])[0] for one, other in pairs) > 0.98
+    assert cells_alike(once.hypermap(), whole.hypermap()) > 0.99
+    assert [len(part.frames) for part in once._frame_log.parts] == [10, 7]
 
 
 def test_ids_stay_when_poses_are_corrected_again_after_old_frames_were_dropped(

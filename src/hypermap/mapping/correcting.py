@@ -24,6 +24,8 @@ from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.tracks import TrackTable
 from hypermap.mapping.usable import FARTHEST_POSE
 
+_ROUNDING = 1e-9  # by which numbers of poses differ that are the same
+
 
 class CannotCorrect(HypermapError):
     """The poses of a map's frames cannot be replaced by others."""
@@ -158,7 +160,8 @@ def map_again(
 ) -> MappedAgain:
     """Return the map of the logged frames as taken from other poses.
 
-    Objects keep their ids, pictures and edits made by hand; the images are not needed.
+    Objects keep their ids, pictures and edits made by hand; the images are not needed. The parts
+    of the log before the first frame that moves stay as they are.
 
     Args:
         log: the frames, and the map before them.
@@ -166,21 +169,24 @@ def map_again(
         before: the map as it is.
         config: with which it was made.
         is_free: as in `EvidenceMap`.
-        on_progress: called with the number of frames that are done, and of all.
+        on_progress: called with the number of frames that are mapped again, and of all such.
 
     Raises:
         FormatError: If the log is damaged.
     """
-    first = log.parts[0].before
+    stay = _parts_that_stay(log, poses)
+    first, begin = log.parts[stay].before, sum(len(part.frames) for part in log.parts[:stay])
     evidence, occupancy = EvidenceMap(config.evidence, is_free), OccupancyMapper(config.occupancy)
     edits = {track.id: track.by_hand for track in first.tracks.objects if track.by_hand}
     evidence.go_on_with(first.tracks.snapshot(), edits)
     if first.log_odds is not None:
         occupancy.go_on_with(first.first_cell, first.log_odds.copy())
-    again = FrameLog()
-    for number, (content, pose) in enumerate(zip(log.frames, poses, strict=True)):
+    again = FrameLog(log.parts[:stay])
+    again.end_drive()
+    for number, content in enumerate(log.frames[begin:]):
         if again.is_full:
             again.begin_part(first if number == 0 else _map_now(first, evidence, occupancy))
+        pose = poses[begin + number]
         frame = unpacked_frame(content, "the log of frames")
         moved = frame.moved_to(pose, config.occupancy.resolution)
         change = occupancy.change_by(moved.seen)
@@ -189,15 +195,26 @@ def map_again(
         change()
         again.add(frame.observation.stamp, content, pose)
         if on_progress is not None:
-            on_progress(number + 1, len(poses))
+            on_progress(number + 1, len(poses) - begin)
     fixed = frozenset(track.id for track in first.tracks.objects)
     tracks = with_known_ids(evidence.tracks(), before.tracks(), fixed, config)
-    again.parts[1:] = [
-        dataclasses.replace(part, before=_with_ids_of(tracks, part.before, fixed, config))
-        for part in again.parts[1:]
+    known = {id(part.before) for part in log.parts}
+    again.parts = [
+        part
+        if id(part.before) in known
+        else dataclasses.replace(part, before=_with_ids_of(tracks, part.before, fixed, config))
+        for part in again.parts
     ]
     evidence.go_on_with(tracks, before.hand_edits())
     return MappedAgain(evidence, occupancy, again)
+
+
+def _parts_that_stay(log: FrameLog, poses: NDArray[np.float64]) -> int:
+    """Return how many parts of a log, but the last one, are before the first frame that moves."""
+    ends = np.cumsum([len(part.frames) for part in log.parts])
+    moves = np.abs(poses - log.poses).max(axis=(1, 2)) > _ROUNDING
+    first = int(np.argmax(moves)) if moves.any() else len(poses)
+    return min(int(np.searchsorted(ends, first, side="right")), len(log.parts) - 1)
 
 
 def _map_now(first: MapBefore, evidence: EvidenceMap, occupancy: OccupancyMapper) -> MapBefore:
@@ -247,24 +264,23 @@ def with_known_ids(
 
 def _matching_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> dict[int, int]:
     """Return the known id of each track, by its own id, where there is one."""
-    owners = {
-        (track.name, item.stamp, item.score): track.id
-        for track in known.objects
-        for item in track.buffer.items
-        if track.id not in fixed
-    }
+    owners: dict[tuple[str, float, float], set[int]] = {}
+    for track in known.objects:
+        for item in track.buffer.items:
+            owners.setdefault((track.name, item.stamp, item.score), set()).add(track.id)
     shared: Counter[tuple[int, int]] = Counter()
     for track in tracks.objects:
-        if track.id in fixed:
-            continue
         for item in track.buffer.items:
-            owner = owners.get((track.name, item.stamp, item.score))
-            if owner is not None:
+            for owner in owners.get((track.name, item.stamp, item.score), ()):
                 shared[track.id, owner] += 1
-    ids = {track.id: track.id for track in tracks.objects if track.id in fixed}
+    ids: dict[int, int] = {}
     taken: set[int] = set()
-    for (own, owner), _ in sorted(shared.items(), key=lambda pair: (-pair[1], pair[0])):
+    # Of tracks that share as much, those stay whose ids mean the same.
+    for (own, owner), _ in sorted(
+        shared.items(), key=lambda pair: (-pair[1], pair[0][0] != pair[0][1], pair[0])
+    ):
         if own not in ids and owner not in taken:
             ids[own] = owner
             taken.add(owner)
-    return ids
+    left = {track.id for track in tracks.objects} - ids.keys() - taken
+    return ids | {own: own for own in left & fixed}
