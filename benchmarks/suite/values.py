@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from hypermap import GridGeometry, OccupancyLayer, ValueLayer
 from hypermap.core.samples import Samples
 from hypermap.simulation import built_in_world
-from hypermap.values import FieldSettings, LiveField, Method, interpolate, value_layer_of
+from hypermap.values import FieldSettings, LiveField, interpolate, value_layer_of
 from hypermap.values.growing import GrowingLayer
+from hypermap.values.interpolation import Method
 from suite.fields import FIELDS, Field
 from suite.race import Figure, Row, Settings, library
 
+METHODS: tuple[Method, ...] = ("gmrf", "kernel", "nearest")
 WORLDS = ("lab", "floor", "building")
 _ASKED_RATIO = 0.75  # of the Gaussian process' error
 _ASKED_WITHIN = 0.92  # share of new samples within two deviations; above 0.98 is too much
@@ -35,11 +37,13 @@ class _Errors:
     """Root mean square errors of one field by method.
 
     Attributes:
+        gmrf_by_kernel: of `gmrf` where the kernel has a value, which is near samples alone.
         within: share of new samples that are within two predicted deviations of `gmrf`.
         within_of_process: the same of the Gaussian process.
     """
 
     gmrf: float
+    gmrf_by_kernel: float
     kernel: float
     nearest: float
     gaussian_process: float
@@ -53,7 +57,8 @@ def rows(settings: Settings) -> Iterator[Row]:
     for quantity, make in FIELDS.items():
         for name in WORLDS[:1] if settings.quick else WORLDS:
             world = built_in_world(name)
-            found = [_errors(make(world, seed)) for seed in range(seeds)]
+            is_radio = quantity == "radio"
+            found = [_errors(make(world, seed), is_radio) for seed in range(seeds)]
             yield from _figures(f"{quantity}, {name}", found, settings.quick)
     for name in WORLDS[:1] if settings.quick else WORLDS:
         yield from _while_driving(name)
@@ -64,7 +69,7 @@ def rows(settings: Settings) -> Iterator[Row]:
 def _figures(what: str, found: list[_Errors], quick: bool) -> Iterator[Figure]:
     means = {
         name: float(np.sqrt(np.mean([getattr(each, name) ** 2 for each in found])))
-        for name in ("gmrf", "gaussian_process", "kernel", "nearest")
+        for name in ("gmrf", "gaussian_process", "kernel", "gmrf_by_kernel", "nearest")
     }
     ratio = means["gmrf"] / means["gaussian_process"]
     note = ", ".join(f"{name.replace('_', ' ')} {error:.2f}" for name, error in means.items())
@@ -78,19 +83,29 @@ def _figures(what: str, found: list[_Errors], quick: bool) -> Iterator[Figure]:
     yield Figure(f"within two deviations, {what}", mean, "share", asked, note=note)
 
 
-def _errors(field: Field) -> _Errors:
-    ours = {method: _estimate(field, method) for method in ("gmrf", "kernel", "nearest")}
+def _errors(field: Field, is_radio: bool) -> _Errors:
+    ours: dict[str, _Estimate] = {method: _estimate(field, method, is_radio) for method in METHODS}
     has_value = np.isfinite(ours["gmrf"].values)
+    by_kernel = has_value & np.isfinite(ours["kernel"].values)
     process = _gaussian_process(field)
     errors = {
-        name: float(np.sqrt(np.nanmean((found.values - field.values)[has_value] ** 2)))
+        name: _root_mean_square(found.values - field.values, has_value)
         for name, found in {**ours, "gaussian_process": process}.items()
     }
     gmrf_within, process_within = (
         float(np.mean((np.abs(found.values - field.measured) <= 2 * found.spread)[has_value]))
         for found in (ours["gmrf"], process)
     )
-    return _Errors(**errors, within=gmrf_within, within_of_process=process_within)
+    return _Errors(
+        **errors,
+        gmrf_by_kernel=_root_mean_square(ours["gmrf"].values - field.values, by_kernel),
+        within=gmrf_within,
+        within_of_process=process_within,
+    )
+
+
+def _root_mean_square(errors: NDArray[np.float64], here: NDArray[np.bool_]) -> float:
+    return float(np.sqrt(np.nanmean(errors[here] ** 2)))
 
 
 @dataclass(frozen=True)
@@ -101,8 +116,8 @@ class _Estimate:
     spread: NDArray[np.float64]
 
 
-def _estimate(field: Field, method: Method) -> _Estimate:
-    found = interpolate(field.samples, field.occupancy, method=method)
+def _estimate(field: Field, method: Method, is_radio: bool) -> _Estimate:
+    found = interpolate(field.samples, field.occupancy, method=method, may_have_source=is_radio)
     cells = found.grid.cells_at(field.points_xy)
     on_grid = found.grid.contains(*cells.T)
     values, spread = np.full((2, len(cells)), np.nan)

@@ -109,6 +109,7 @@ def test_samples_of_a_table_become_a_layer_in_another_unit(warm):
         "deviation": 4.0,
         "noise": 0.2,
         "through_walls": 0.0,
+        "away_from_walls": 1.0,
         "occupancy": "occupancy",
     }
 

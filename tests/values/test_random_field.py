@@ -41,8 +41,43 @@ def test_correlation_is_about_0_14_at_the_length(length):
         noise=1e-3,
     )
     # What is seen at one node pulls the others by their correlation with it.
-    pulled = posterior._ones[middle : middle + 31]
+    pulled = 1 - posterior._away[middle : middle + 31, 0]
     assert np.interp(length, 0.25 * np.arange(31), pulled) == pytest.approx(0.14, abs=0.04)
+
+
+def test_trends_are_mixed_as_in_universal_kriging(lattice):
+    random = np.random.default_rng(4)
+    observations = Observations(
+        lattice.weights_at(random.uniform([0, 0], [3.5, 2.5], size=(12, 2))),
+        random.normal(20, 3, size=12),
+        np.ones(12),
+    )
+    noise, prior = 0.4, Prior(lattice, 1.5, 0.0)
+    trends = np.stack([np.ones(35), lattice.centers_xy[:, 0]], axis=1)
+
+    posterior = Posterior(prior, observations, noise, trends)
+
+    # Rasmussen and Williams, Gaussian Processes for Machine Learning, equations 2.41 and 2.42
+    k, a = np.linalg.inv(prior.precision.toarray()), observations.weights.toarray()
+    inverse = np.linalg.inv(a @ k @ a.T + noise**2 * np.eye(12))
+    here = a @ trends
+    sureness = here.T @ inverse @ here + np.diag([0, 0.01])
+    mixture = np.linalg.solve(sureness, here.T @ inverse @ observations.values)
+    gain = k @ a.T @ inverse
+    left = trends - gain @ here
+    np.testing.assert_allclose(
+        posterior.mean(), trends @ mixture + gain @ (observations.values - here @ mixture)
+    )
+    np.testing.assert_allclose(
+        posterior.variance(),
+        np.diagonal(k - gain @ a @ k) + np.diagonal(left @ np.linalg.inv(sureness) @ left.T),
+        rtol=1e-8,
+    )
+    (likelihood,) = posterior.likelihoods_with(trends[:, 1:])
+    rest = observations.values - here @ mixture
+    misfit = observations.values @ inverse @ rest
+    expected = -6 * np.log(misfit) if mixture[1] > 0 else -np.inf
+    np.testing.assert_allclose(likelihood, expected)
 
 
 def test_the_posterior_is_that_of_a_gaussian_process_whose_mean_is_not_known(lattice):
@@ -99,3 +134,31 @@ def test_points_take_from_the_nodes_that_see_each_other():
     np.testing.assert_allclose(weights[0, open_nodes], 0.25)
     assert weights[1, 2 * 9 + 3] == 1  # a wall is to its right
     assert weights[2, 8] == 1  # off the grid: the nearest corner
+
+
+def test_a_wall_parts_as_much_whatever_the_size_of_the_cells():
+    """The warmth of one room reaches the next one alike on a fine and on a coarse lattice."""
+    walls = occupancy_from_text(TWO_ROOMS, resolution=1.0)
+    shared = []
+    for side in (0.5, 0.25):
+        lattice = Lattice.over(GridGeometry(round(9 / side), round(5 / side), side), walls)
+        prior = Prior(lattice, 6.0, 0.2)
+        weights = lattice.weights_at(np.array([[2.6, 2.6], [6.4, 2.6]]))
+        far = Posterior(prior, Observations(weights, np.zeros(2), np.full(2, 1e-9)), 1.0)
+        with_left = far.covariance_with(weights[[0]])
+        shared.append(float((weights[[1]] @ with_left)[0] / (weights[[0]] @ with_left)[0]))
+    assert shared[0] == pytest.approx(shared[1], rel=0.2)
+
+
+def test_away_from_walls_a_quantity_that_is_driven_beside_them_is_smoother():
+    """Between what two walls do, it is nearly a straight line."""
+    room = occupancy_from_text("#" * 41 + "\n" + ("#" + "." * 39 + "#\n") * 3 + "#" * 41, 0.25)
+    lattice = Lattice.over(room.grid, room)
+    middle = 2 * 41 + 20
+    bends = []
+    for away in (1.0, 0.01):
+        covariance = np.linalg.inv(Prior(lattice, 8.0, 0.05, away).precision.toarray())
+        bend = np.zeros(len(covariance))
+        bend[[middle - 8, middle, middle + 8]] = 1, -2, 1
+        bends.append(bend @ covariance @ bend)
+    assert bends[1] == pytest.approx(bends[0], rel=1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,12 +13,23 @@ from scipy.sparse import csr_array, vstack
 from scipy.special import ndtr
 
 from hypermap.values.lattice import Lattice
-from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior
+from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior, Trends
+from hypermap.values.source import find_source, source_trends
 
 LEAST_SAMPLES = 5  # with a value, needed to estimate length, deviation and noise
 _NOISE = (0.02, 20.0)  # as a multiple of the field's deviation
-_THROUGH_WALLS = (0.0, 0.03, 0.3)
-_STEPS = 40  # of the search
+# What length, noise over deviation and `through_walls` are before any sample, and the standard
+# deviation of their logarithms. What is left of a signal beside its mean is shadows, some meters
+# wide (Gudmundson, Electronics Letters 27, 1991).
+_THROUGH_WALLS = 0.05
+_EXPECTED = ((1.0, math.inf), (1.0, math.inf), (_THROUGH_WALLS, 1.1))
+_EXPECTED_BESIDE_SOURCE = ((3.0, 0.7), (0.7, 0.7), (_THROUGH_WALLS, 1.1))
+_LEAST_THROUGH = 1e-3
+_NOTHING_THROUGH = 0.01  # so little is none, so that nothing is said of rooms without samples
+_AWAY = (1.0, 0.1)
+_SEARCHES = 2  # for the sender
+_UNKNOWNS = 4  # of a sender: place, level, walls
+_STEPS = 60  # of the search
 _LEAST_PRECISION = 1e-6  # of a limit, as multiples of a sample's
 _ROUNDS = 12  # of expectation propagation
 _DROPOUTS = 0.05  # share of the samples that miss an existing signal
@@ -27,53 +38,101 @@ _CLOSE = 1e-3  # change of a site's mean, in units of noise, at which the rounds
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    parameters: NDArray[np.float64]  # logarithms of length and of noise over deviation
-    through_walls: float
-    likelihood: float
+    """Settings that were tried.
+
+    Attributes:
+        parameters: logarithms of length, of noise over deviation and, where there are walls, of
+            `through_walls`.
+        away_from_walls: see `FieldSettings`.
+        deviation: see there.
+        likelihood: the logarithm, with what is known of walls beforehand.
+        posterior: with these settings.
+    """
+
+    parameters: NDArray[np.float64]
+    away_from_walls: float
     deviation: float
+    likelihood: float
+    posterior: Posterior
 
     def settings(self) -> FieldSettings:
-        length, noise = np.exp(self.parameters).tolist()
-        return FieldSettings(length, self.deviation, noise * self.deviation, self.through_walls)
+        length, noise, *rest = np.exp(self.parameters).tolist()
+        through_walls = rest[0] if rest and rest[0] > _NOTHING_THROUGH else 0.0
+        return FieldSettings(
+            length, self.deviation, noise * self.deviation, through_walls, self.away_from_walls
+        )
 
 
-def fit_settings(lattice: Lattice, heard: Observations) -> FieldSettings:
+def fit_settings(lattice: Lattice, heard: Observations, *, may_have_source: bool) -> FieldSettings:
     """Return the most likely settings of the field (restricted maximum likelihood).
 
     Args:
         lattice: of the nodes; the coarser, the quicker.
         heard: of the field, at least `LEAST_SAMPLES`.
+        may_have_source: whether to look for a sender.
     """
     side = lattice.grid.resolution
     longest = 4 * side * math.hypot(*lattice.grid.shape)
     shortest, longest = math.log(2 * side), math.log(max(longest, 4 * side))
     bounds = [(shortest, longest), (math.log(_NOISE[0]), math.log(_NOISE[1]))]
-    start = np.array([(shortest + longest) / 2, math.log(0.5)])
-    best: _Fit | None = None
-    for through_walls in _THROUGH_WALLS if lattice.has_walls else (0.0,):
-        found = _likeliest(lattice, heard, through_walls, start, bounds)
-        if best is None or found.likelihood > best.likelihood:
+    start = [(shortest + longest) / 2, math.log(0.5)]
+    if lattice.has_walls:
+        bounds.append((math.log(_LEAST_THROUGH), 0.0))
+        start.append(math.log(_THROUGH_WALLS))
+    best = _likeliest(lattice, heard, np.array(start), bounds, _AWAY[0])
+    for away in _AWAY[1:] if lattice.has_walls else ():
+        found = _likeliest(lattice, heard, best.parameters, bounds, away)
+        if found.likelihood > best.likelihood:
             best = found
-        start = found.parameters
-    assert best is not None
-    return best.settings()
+    if not (may_have_source and lattice.has_walls):  # without walls, samples tell as much
+        return best.settings()
+    return _with_source(lattice, heard, best, bounds) or best.settings()
+
+
+def _with_source(
+    lattice: Lattice, heard: Observations, without: _Fit, bounds: list[tuple[float, float]]
+) -> FieldSettings | None:
+    """Return the most likely settings with a sender; None where one explains too little."""
+    best, source, found = without, None, without
+    for _ in range(_SEARCHES):  # the better the field is known, the better is the sender
+        place = find_source(lattice, heard, found.posterior, near=source)
+        trends = source_trends(lattice, place)
+        found = _likeliest(lattice, heard, found.parameters, bounds, found.away_from_walls, trends)
+        unknowns = 0 if source else _UNKNOWNS
+        gain = found.posterior.greatest_likelihood() - best.posterior.greatest_likelihood()
+        if gain <= 0.5 * unknowns * math.log(len(heard.values)):  # Schwarz 1978
+            break
+        best, source = found, place
+    if source is None:
+        return None
+    return replace(
+        best.settings(),
+        source_x=source.x,
+        source_y=source.y,
+        farther_by_wall=source.farther_by_wall,
+    )
 
 
 def _likeliest(
     lattice: Lattice,
     heard: Observations,
-    through_walls: float,
     start: NDArray[np.float64],
     bounds: list[tuple[float, float]],
+    away_from_walls: float,
+    trends: Trends | None = None,
 ) -> _Fit:
-    """Return the most likely length and noise for a given `through_walls`."""
+    """Return the most likely parameters for a given `away_from_walls`."""
     least = float(np.abs(heard.values).max()) * 1e-6 + 1e-12  # for a constant field
 
     def fit(parameters: NDArray[np.float64]) -> _Fit:
-        length, noise = np.exp(parameters).tolist()
-        posterior = Posterior(Prior(lattice, length, through_walls), heard, noise)
+        length, noise, *rest = np.exp(parameters).tolist()
+        prior = Prior(lattice, length, rest[0] if rest else 0.0, away_from_walls)
+        posterior = Posterior(prior, heard, noise, trends)
         likelihood, deviation = posterior.log_likelihood()
-        return _Fit(parameters, through_walls, likelihood, max(deviation, least))
+        expected = _EXPECTED if trends is None else _EXPECTED_BESIDE_SOURCE
+        center, spread = np.array(expected[: len(parameters)]).T
+        likelihood -= 0.5 * float((((parameters - np.log(center)) / spread) ** 2).sum())
+        return _Fit(parameters, away_from_walls, max(deviation, least), likelihood, posterior)
 
     def unlikelihood(parameters: NDArray[np.float64]) -> float:
         return -fit(parameters).likelihood
@@ -88,7 +147,11 @@ def _likeliest(
 
 
 def with_limits(
-    prior: Prior, heard: Observations, limits: Observations, settings: FieldSettings
+    prior: Prior,
+    heard: Observations,
+    limits: Observations,
+    settings: FieldSettings,
+    trends: Trends,
 ) -> Observations:
     """Return observations that combine values and upper limits.
 
@@ -101,6 +164,7 @@ def with_limits(
         heard: values.
         limits: upper limits in `values`, of so precise samples.
         settings: of the field.
+        trends: at the nodes, as `Posterior` takes them.
     """
     scale = settings.deviation
     relative_noise = settings.noise / scale
@@ -112,7 +176,7 @@ def with_limits(
     shift = precision * limits.values
     together = _joined(heard, limits, shift / precision, precision)
     for _ in range(_ROUNDS):
-        posterior = Posterior(prior, together, relative_noise)
+        posterior = Posterior(prior, together, relative_noise, trends)
         mean = limits.weights @ posterior.mean()
         spread = limits.weights @ posterior.variance() * scale**2
         left = 1 / np.maximum(1 / spread - precision / variance, 1e-9 / spread)  # without the site

@@ -14,6 +14,7 @@ from hypermap.values.fitting import LEAST_SAMPLES
 from hypermap.values.layers import layer_of, on_map, unknown_layer_of
 from hypermap.values.live_field import LiveField
 from hypermap.values.on_map import new_among
+from hypermap.values.units import is_signal
 
 _NO_SAMPLES = Samples.of(np.empty((0, 2)), [])
 _GROWN = 2  # times as many samples as the settings were estimated from: they are estimated anew
@@ -87,7 +88,12 @@ class GrowingLayer:
             self._is_due = False
         is_fitted = field is not None and len(samples) < _GROWN * self._fitted
         settings = field.settings if field is not None and is_fitted else None
-        made = LiveField(on_map(samples, occupancy), occupancy, settings=settings)
+        made = LiveField(
+            on_map(samples, occupancy),
+            occupancy,
+            settings=settings,
+            may_have_source=is_signal(self._unit),
+        )
         with self._lock:
             if self._samples is samples:  # nobody has moved or forgotten them meanwhile
                 self._field, self._walls = made, occupancy

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -21,7 +22,8 @@ from hypermap.core.samples import Samples
 from hypermap.values.fitting import LEAST_SAMPLES, fit_settings, with_limits
 from hypermap.values.kernel import kernel_estimate
 from hypermap.values.lattice import Lattice, floor_cells, padded_grid
-from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior
+from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior, Trends
+from hypermap.values.source import Source, source_trends
 
 Method = Literal["gmrf", "kernel", "nearest"]
 METHODS: tuple[str, ...] = get_args(Method)
@@ -73,6 +75,7 @@ def interpolate(
     settings: FieldSettings | None = None,
     resolution: float | None = None,
     half_life: float | None = None,
+    may_have_source: bool = False,
 ) -> Interpolation:
     """Return the most probable values between samples.
 
@@ -92,6 +95,9 @@ def interpolate(
             nodes around them that they see.
         half_life: time in which a sample loses half of its weight [s], counted back from the newest
             sample; for "gmrf" alone. Without it, old samples count as much as new ones.
+        may_have_source: whether the quantity may be the signal of one sender, in decibels. If the
+            samples say so, its mean falls with the distance from there, and at each wall. For
+            "gmrf" without settings, and where there are walls.
 
     Raises:
         HypermapError: If there are too few samples with a value, they lie too far apart, a value is
@@ -105,7 +111,12 @@ def interpolate(
     if method == "gmrf":
         with threadpool_limits(1, "blas"):  # threads wait for each other at each small block
             found = field_of(
-                samples, occupancy, settings=settings, resolution=resolution, half_life=half_life
+                samples,
+                occupancy,
+                settings=settings,
+                resolution=resolution,
+                half_life=half_life,
+                may_have_source=may_have_source,
             )
             return found.interpolation()
     _check(samples, method == "nearest" or settings is not None)
@@ -170,6 +181,7 @@ class SolvedField:
         lattice: of the nodes.
         is_floor: which cells lie on free floor, shape (height, width).
         prior: of the nodes.
+        trends: what the mean of the nodes is made of.
         observed: the samples; what only lies below a limit as observations with the same effect.
         posterior: of the nodes.
         settings: of the field.
@@ -180,10 +192,16 @@ class SolvedField:
     lattice: Lattice
     is_floor: BoolArray
     prior: Prior
+    trends: Trends
     observed: Observations
     posterior: Posterior
     settings: FieldSettings
     half_life: float | None
+
+    @cached_property
+    def _whole_variance(self) -> float:
+        """That of the field and of its mean together, as a multiple of the field's."""
+        return 1 + self.posterior.trend_variance() / self.settings.deviation**2
 
     def interpolation(self) -> Interpolation:
         """Return the values of the cells."""
@@ -195,7 +213,7 @@ class SolvedField:
         self, values: NDArray[np.float64], deviations: NDArray[np.float64]
     ) -> Interpolation:
         """Return values and deviations of the cells with what they were made by."""
-        settings = dict(vars(self.settings))
+        settings = self.settings.numbers()
         if self.half_life is not None:
             settings["half_life"] = self.half_life
         return Interpolation(self.grid, values, deviations, self.settings.noise, "gmrf", settings)
@@ -204,7 +222,7 @@ class SolvedField:
         self, mean: NDArray[np.float64], variance: NDArray[np.float64], is_floor: BoolArray
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return values and deviations of some cells; NaN where samples say too little."""
-        nowhere = (variance > _UNEXPLAINED) | ~is_floor
+        nowhere = (variance > _UNEXPLAINED * self._whole_variance) | ~is_floor
         deviations = self.settings.deviation * np.sqrt(np.maximum(variance, 0))
         return np.where(nowhere, np.nan, mean), np.where(nowhere, np.nan, deviations)
 
@@ -216,6 +234,7 @@ def field_of(
     settings: FieldSettings | None = None,
     resolution: float | None = None,
     half_life: float | None = None,
+    may_have_source: bool = False,
 ) -> SolvedField:
     """Return the field of samples; the arguments and errors are those of `interpolate`."""
     _check(samples, settings is not None)
@@ -227,16 +246,27 @@ def field_of(
     if settings is None:
         coarse = _at_most(grid, _NODES_TO_FIT)
         rough = lattice if coarse == lattice.grid else Lattice.over(coarse, occupancy)
-        settings = fit_settings(rough, _observed(rough, known, half_life, newest))
-    prior = Prior(lattice, settings.length, settings.through_walls)
+        settings = fit_settings(
+            rough, _observed(rough, known, half_life, newest), may_have_source=may_have_source
+        )
+    prior = Prior(lattice, settings.length, settings.through_walls, settings.away_from_walls)
+    trends = source_trends(lattice, _source_of(settings))
     observed = _observed(lattice, known, half_life, newest)
     if samples.is_below.any():
         below = samples.chosen(samples.is_below)
         limits = _observed(lattice, below, half_life, newest)
-        observed = with_limits(prior, observed, limits, settings)
-    posterior = Posterior(prior, observed, settings.noise / settings.deviation)
+        observed = with_limits(prior, observed, limits, settings, trends)
+    posterior = Posterior(prior, observed, settings.noise / settings.deviation, trends)
     is_floor = lattice.is_floor if lattice.grid == grid else floor_cells(grid, occupancy)
-    return SolvedField(grid, lattice, is_floor, prior, observed, posterior, settings, half_life)
+    return SolvedField(
+        grid, lattice, is_floor, prior, trends, observed, posterior, settings, half_life
+    )
+
+
+def _source_of(settings: FieldSettings) -> Source | None:
+    if math.isnan(settings.source_x):
+        return None
+    return Source(settings.source_x, settings.source_y, settings.farther_by_wall)
 
 
 def weights_of_cells(grid: GridGeometry, lattice: Lattice) -> csr_array:

@@ -14,6 +14,10 @@ from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry, along
 from hypermap.core.occupancy import FREE, OccupancyLayer
+from hypermap.values.walls import Walls
+
+_LINK = 0.25  # meters
+_BY_WALL = 0.6  # meters
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +58,12 @@ class Lattice:
         """Return the weighted graph Laplacian, shape (N, N).
 
         Args:
-            through_walls: weight of a link that is not open, 0 to 1; that of the others is 1.
+            through_walls: weight of a link of 0.25 m that is not open, 0 to 1; that of the others
+                is 1. A wall weakens longer links less: it is like some more meters of floor.
         """
-        weights = np.where(self.is_open, 1.0, through_walls)
+        side = self.grid.resolution
+        kept = through_walls * side / (through_walls * side + (1 - through_walls) * _LINK)
+        weights = np.where(self.is_open, 1.0, kept)
         ends, others = self.links.T
         count = self.grid.width * self.grid.height
         between = coo_array(
@@ -67,6 +74,22 @@ class Lattice:
             shape=(count, count),
         ).tocsr()
         return csr_array(between - diags_array(between.sum(axis=1)))
+
+    @cached_property
+    def centers_xy(self) -> NDArray[np.float64]:
+        """Places of the nodes, shape (N, 2)."""
+        count = self.grid.width * self.grid.height
+        return self.grid.centers(*np.divmod(np.arange(count), self.grid.width))
+
+    @cached_property
+    def walls(self) -> Walls:
+        """The walls around the nodes."""
+        return Walls(self.occupancy)
+
+    @cached_property
+    def is_by_wall(self) -> BoolArray:
+        """Whether a cell that is not free is within `_BY_WALL` of a node, shape (N,)."""
+        return np.asarray(self.walls.distances_at(self.centers_xy) < _BY_WALL)
 
     @cached_property
     def has_walls(self) -> bool:

@@ -12,6 +12,7 @@ from hypermap.core.samples import Samples
 from hypermap.core.value_layer import ValueLayer, decimals_for
 from hypermap.values.interpolation import Interpolation, Method, grid_around, interpolate
 from hypermap.values.random_field import FieldSettings
+from hypermap.values.units import is_signal
 
 
 def value_layer_of(
@@ -35,7 +36,7 @@ def value_layer_of(
         occupancy: walls, and where the floor is; samples off its grid are left out.
         frame_id: of the samples; None for that of the occupancy layer, or "map".
         quantity: what was measured; the layer's name where nothing is said.
-        unit: of the values.
+        unit: of the values; in dBm they may be the signal of one sender.
         method: as in `interpolate`, like the last three.
         settings: as there.
         resolution: as there.
@@ -53,6 +54,7 @@ def value_layer_of(
         settings=settings,
         resolution=resolution,
         half_life=half_life,
+        may_have_source=is_signal(unit),
     )
     frame = frame_id or ("map" if occupancy is None else occupancy.frame_id)
     return layer_of(found, name, inside, occupancy, frame, quantity=quantity, unit=unit)

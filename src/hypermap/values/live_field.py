@@ -39,6 +39,7 @@ class LiveField:
         occupancy: walls, and where the floor is.
         settings: of the field.
         resolution: side of a cell [m].
+        may_have_source: whether to look for a sender, as there.
 
     Raises:
         HypermapError: As `interpolate`.
@@ -51,9 +52,16 @@ class LiveField:
         *,
         settings: FieldSettings | None = None,
         resolution: float | None = None,
+        may_have_source: bool = False,
     ) -> None:
         with threadpool_limits(1, "blas"):
-            self._field = field_of(samples, occupancy, settings=settings, resolution=resolution)
+            self._field = field_of(
+                samples,
+                occupancy,
+                settings=settings,
+                resolution=resolution,
+                may_have_source=may_have_source,
+            )
         self._cells = weights_of_cells(self._field.grid, self._field.lattice)
         self._columns: list[NDArray[np.float64]] = []  # each scaled, so that their squares add up
         self._observed = self._field.observed
@@ -100,7 +108,7 @@ class LiveField:
             if len(self._columns) >= _MOST_UPDATES:
                 field = self._field
                 noise = field.settings.noise / field.settings.deviation
-                posterior = Posterior(field.prior, self._observed, noise)
+                posterior = Posterior(field.prior, self._observed, noise, field.trends)
                 self._field = replace(field, observed=self._observed, posterior=posterior)
                 self._columns = []
                 self._start()

@@ -139,15 +139,9 @@ def with_value_layer(hypermap: Hypermap, layer: ValueLayer) -> Hypermap:
 
 def _settings_of(layer: ValueLayer) -> FieldSettings | None:
     """Return the settings of the field that a layer was made by; None for a method without."""
-    made_by = layer.made_by
-    if "length" not in made_by:
+    if "length" not in layer.made_by:
         return None
     try:
-        return FieldSettings(
-            float(made_by["length"]),
-            float(made_by.get("deviation", 1.0)),
-            float(made_by.get("noise", 1.0)),
-            float(made_by.get("through_walls", 0.0)),
-        )
+        return FieldSettings.of_numbers(layer.made_by)
     except (TypeError, ValueError):
         return None

@@ -62,6 +62,15 @@ def unit_named(text: str) -> str:
     return _ALSO.get(text.strip(), text.strip())
 
 
+def is_signal(unit: str) -> bool:
+    """Return whether values in a unit are the strength of a radio signal.
+
+    >>> is_signal("dBm"), is_signal("degC")
+    (True, False)
+    """
+    return unit_named(unit) == "dBm"
+
+
 def converted(values: NDArray[np.float64], unit: str, wanted: str) -> NDArray[np.float64]:
     """Return values of one unit in another.
 
