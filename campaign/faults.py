@@ -163,7 +163,10 @@ class Operations:
         if not self.is_armed or event not in _WATCHED:
             return
         place = arguments[0]
-        if isinstance(place, int) or os.fspath(place or "").startswith(self._folder):
+        if isinstance(place, int):  # a handle, also of the terminal
+            with contextlib.suppress(OSError):
+                place = os.readlink(f"/proc/self/fd/{place}")
+        if isinstance(place, int) or os.fsdecode(place or "").startswith(self._folder):
             self._operation()
 
     def _operation(self) -> None:

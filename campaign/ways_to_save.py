@@ -164,7 +164,7 @@ class _LiveMap:
     is_new: bool = True
 
     def hypermap(self) -> Hypermap:
-        return self.made
+        return Hypermap([*self.made], metadata={**self.made.metadata, MAP_VERSION: 1})
 
 
 def _save_detections(folder: Path, version: int) -> None:

@@ -66,10 +66,11 @@ def answer_to(
         query = Query.from_json({"like": looks[1].strip(" ?")})
     else:
         # With a parser that takes time to load.
-        from hypermap.questions.english import NotUnderstood, understand
+        from hypermap.questions.english import NotUnderstood, check_length, understand
 
         vocabulary = vocabulary_of(hypermap, names)
         try:
+            check_length(question)
             text, moment = without_as_of(question)
             about_values = value_query(text, hypermap, vocabulary)
             query = replace(about_values or understand(text, vocabulary), as_of=moment)

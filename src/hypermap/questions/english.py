@@ -35,7 +35,9 @@ EXAMPLES = (
     "what is new since yesterday?",
     "which chairs have not been seen for 7 days?",
 )
-_LONGEST = 500  # characters of a question
+LONGEST = 500
+"""Characters of a question."""
+
 _MOST_COMPARED = 2000  # names, with one that is not known
 _ADDRESS = re.compile(r"\s*(?:(?:hey|hi|hello|ok|okay|dear)\s+)?robot\s*[,:!]", re.IGNORECASE)
 
@@ -52,6 +54,12 @@ class NotUnderstood(HypermapError):
         self.nearest = nearest
 
 
+def check_length(text: str) -> None:
+    """Raise NotUnderstood if a question is too long to be looked at."""
+    if len(text) > LONGEST:
+        raise NotUnderstood(f"a question has at most {LONGEST} characters, not {len(text)}")
+
+
 def understand(text: str, vocabulary: Vocabulary, now: datetime | None = None) -> Query:
     """Return the query that a question asks.
 
@@ -64,8 +72,7 @@ def understand(text: str, vocabulary: Vocabulary, now: datetime | None = None) -
     Raises:
         NotUnderstood: If it cannot be read, or has two meanings.
     """
-    if len(text) > _LONGEST:
-        raise NotUnderstood(f"a question has at most {_LONGEST} characters, not {len(text)}")
+    check_length(text)
     if (address := _ADDRESS.match(text)) is not None:
         text = text[address.end() :]
     text, as_of = without_as_of(text, now)
