@@ -165,7 +165,7 @@ class Operations:
         place = arguments[0]
         if isinstance(place, int):  # a handle, also of the terminal
             with contextlib.suppress(OSError):
-                place = os.readlink(f"/proc/self/fd/{place}")
+                place = Path(f"/proc/self/fd/{place}").readlink()
         if isinstance(place, int) or os.fsdecode(place or "").startswith(self._folder):
             self._operation()
 

@@ -232,3 +232,29 @@ def test_roles_may_do_what_they_are_for(
             push(own, empty, f"{site} of {role}")
         own.close()
     assert len(objects(database, other)) == 2  # of the editor
+
+
+_SHADOWS = (
+    "CREATE TEMP TABLE pg_roles AS "
+    "SELECT 'a_writer'::name AS rolname, 'a_robot'::regrole::oid AS oid",
+    "CREATE FUNCTION pg_temp.pg_has_role(oid, text) RETURNS boolean LANGUAGE sql AS 'SELECT true'",
+)
+
+
+def test_a_robot_cannot_take_the_sites_of_others(
+    users: dict[str, str], store: str, lab: str
+) -> None:
+    change = "UPDATE hypermap.sites SET version = version WHERE name = %s"
+    with psycopg.connect(store, autocommit=True) as connection:
+        connection.execute(
+            "INSERT INTO hypermap.writers SELECT id, 'a_writer' FROM hypermap.sites "
+            "WHERE name = %s",
+            (lab,),
+        )
+    with psycopg.connect(users["robot"]) as connection:  # all is undone
+        for shadow in _SHADOWS:
+            connection.execute(shadow)
+        for path in ("public", "pg_temp, pg_catalog, public"):
+            connection.execute(f"SET search_path = {path}")
+            assert connection.execute(change, (lab,)).rowcount == 0
+        connection.rollback()

@@ -24,8 +24,9 @@ from hypermap import (
     SemanticObject,
 )
 from hypermap.console.asked import document, lines, understood
-from hypermap.questions import Answer, Condition, Measured, Query, Reference, When, ask
+from hypermap.questions import Answer, Condition, Measured, Query, Reference, When, ask, asking
 from hypermap.questions.asking import answer_to
+from hypermap.questions.english import NotUnderstood
 from hypermap.rooms import Room, Rooms, with_rooms
 
 
@@ -424,3 +425,10 @@ def test_a_query_by_words_and_one_by_values_have_the_same_answer(flat: Hypermap)
 def test_what_a_map_does_not_have_is_said(flat: Hypermap, query: Query, words: str) -> None:
     with pytest.raises(HypermapError, match=words):
         flat.ask(query)
+
+
+def test_a_question_that_is_too_long_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(asking, "value_query", lambda *_: pytest.fail("it is read"))
+    monkeypatch.setattr(asking, "without_as_of", lambda *_: pytest.fail("it is read"))
+    with pytest.raises(NotUnderstood, match="at most 500 characters, not 1000002"):
+        answer_to(Hypermap([]), "what is at " + "1,2 " * 249_997 + "now")

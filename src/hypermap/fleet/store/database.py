@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMA_VERSION", "Database", "connect", "errors", "psycopg"]
 
-SCHEMA_VERSION = "1"
+SCHEMA_VERSION = "2"
 """The newest of `migrations/versions`, which this program reads and writes."""
 
 _OF_THE_QUESTION = ("LINE ", "^", "CONTEXT")
