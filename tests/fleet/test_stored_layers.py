@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 
@@ -12,11 +14,13 @@ pytest.importorskip("psycopg", reason="psycopg is missing")
 
 from hypermap import Hypermap, open_map
 from hypermap.core.frames import Pose2D
+from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.fleet.store.address import parse_address
+from hypermap.fleet.store.address import StoreError, parse_address
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.pushing import push
+from hypermap.fleet.store.rows import tile_of
 from hypermap.fleet.store.stored_objects import _NOW, _POINT
 from hypermap.testing import occupancy_from_text, square
 from hypermap.testing.contract import LayerContract
@@ -84,3 +88,11 @@ def test_a_question_at_a_point_uses_one_index_of_layers_and_places(store: str) -
     database.close()
     assert "using objects_shape" in plan
     assert "Index Cond: ((layer_id = 1) AND (shape &&" in plan
+
+
+@pytest.mark.parametrize("content", [b"", b"no zlib", zlib.compress(bytes(10_000_000))])
+def test_a_tile_that_is_damaged_or_a_bomb_is_one_error(content: bytes) -> None:
+    grid = GridGeometry(130, 100, 0.05)
+    assert tile_of(zlib.compress(bytes(200)), (0, 1), grid, np.dtype(np.int8)).shape == (100, 2)
+    with pytest.raises(StoreError, match="tile in row 0, column 1 of a grid is damaged"):
+        tile_of(content, (0, 1), grid, np.dtype(np.int8))

@@ -18,6 +18,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.objects import ObjectTable
 from hypermap.core.pictures import ObjectPicture
+from hypermap.fleet.store.address import StoreError
 from hypermap.fleet.store.tables import SRID
 from hypermap.formats.semantic.parquet_files import attributes_as_text, attributes_of_text
 from hypermap.formats.semantic.pictures_file import dump_pictures, parse_pictures
@@ -219,12 +220,22 @@ def cells_of(
 def tile_of(
     content: bytes, place: tuple[int, int], grid: GridGeometry, kind: np.dtype[Any]
 ) -> NDArray[Any]:
-    """Return the cells of the tile at (tile_row, tile_col) of a grid."""
-    values = np.frombuffer(zlib.decompress(content), kind.newbyteorder("<"))
+    """Return the cells of the tile at (tile_row, tile_col) of a grid.
+
+    Raises:
+        StoreError: If it is damaged, or unpacks to more than a tile.
+    """
     height, width = (
         min(TILE, size - number * TILE) for size, number in zip(grid.shape, place, strict=True)
     )
-    return values.reshape(height, width)
+    wanted = height * width * kind.itemsize
+    try:
+        plain = zlib.decompressobj().decompress(content, max(wanted, 0) + 1)
+    except zlib.error:
+        plain = b""
+    if len(plain) != wanted or wanted <= 0:
+        raise StoreError(f"the tile in row {place[0]}, column {place[1]} of a grid is damaged")
+    return np.frombuffer(plain, kind.newbyteorder("<")).reshape(height, width)
 
 
 @functools.lru_cache(maxsize=4096)  # most objects of a name have the same
