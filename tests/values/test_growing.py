@@ -131,3 +131,20 @@ def test_samples_of_an_earlier_layer_count_and_are_nothing_new() -> None:
     assert layer.layer() is None  # the earlier layer is still right
     layer.add(along(11))  # a bag that is played again, and goes on
     assert (len(layer), layer.is_new) == (11, True)
+
+
+@pytest.mark.parametrize(
+    ("method", "half_life"), [("kernel", None), ("nearest", None), ("gmrf", 60.0)]
+)
+def test_layers_of_other_methods_and_with_a_half_life_are_continued(method, half_life):
+    kept = along(20)
+    layer = GrowingLayer("warmth", "map", "t", "°C", kept, method=method, half_life=half_life)
+    layer.solve(FLOOR)
+    layer.add(along(6, first=20))
+    assert layer.is_due
+    layer.solve(FLOOR)
+    expected = value_layer_of("warmth", along(26), FLOOR, method=method, half_life=half_life)
+    np.testing.assert_array_equal(cells(layer), expected.cells)
+    made = layer.layer()
+    assert made is not None
+    assert made.made_by == expected.made_by

@@ -11,9 +11,11 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.core.value_layer import ValueLayer
 from hypermap.values.fitting import LEAST_SAMPLES
+from hypermap.values.interpolation import Interpolation, Method, interpolate
 from hypermap.values.layers import layer_of, on_map, unknown_layer_of
 from hypermap.values.live_field import LiveField
 from hypermap.values.on_map import new_among
+from hypermap.values.random_field import FieldSettings
 from hypermap.values.units import is_signal
 
 _NO_SAMPLES = Samples.of(np.empty((0, 2)), [])
@@ -32,19 +34,31 @@ class GrowingLayer:
         quantity: what is measured.
         unit: of all values.
         kept: samples of an earlier layer of that name.
+        method: as `interpolate` takes it, like the next; each sample of another method than "gmrf",
+            or with a half-life, waits for `solve`.
+        half_life: as there.
 
     Attributes:
         revision: grows with every change.
     """
 
     def __init__(
-        self, name: str, frame_id: str, quantity: str, unit: str, kept: Samples = _NO_SAMPLES
+        self,
+        name: str,
+        frame_id: str,
+        quantity: str,
+        unit: str,
+        kept: Samples = _NO_SAMPLES,
+        *,
+        method: Method = "gmrf",
+        half_life: float | None = None,
     ) -> None:
         self.name = name
         self.revision = 0
         self._frame_id, self._quantity, self._unit = frame_id, quantity, unit
         self._samples, self._before = kept, len(kept)
-        self._field: LiveField | None = None
+        self._method, self._half_life = method, half_life
+        self._field: LiveField | Interpolation | None = None  # the latter does not take samples in
         self._walls: OccupancyLayer | None = None  # of the field
         self._fitted = 0  # samples that its settings were estimated from
         self._is_due = len(kept) >= LEAST_SAMPLES
@@ -86,25 +100,35 @@ class GrowingLayer:
         with self._lock:
             samples, field = self._samples, self._field
             self._is_due = False
-        is_fitted = field is not None and len(samples) < _GROWN * self._fitted
-        settings = field.settings if field is not None and is_fitted else None
-        made = LiveField(
-            on_map(samples, occupancy),
-            occupancy,
-            settings=settings,
-            may_have_source=is_signal(self._unit),
-        )
+        is_fitted = isinstance(field, LiveField) and len(samples) < _GROWN * self._fitted
+        settings = field.settings if isinstance(field, LiveField) and is_fitted else None
+        made = self._made(on_map(samples, occupancy), occupancy, settings)
         with self._lock:
             if self._samples is samples:  # nobody has moved or forgotten them meanwhile
                 self._field, self._walls = made, occupancy
                 self._fitted = self._fitted if is_fitted else len(samples)
                 self.revision += 1
 
+    def _made(
+        self, samples: Samples, occupancy: OccupancyLayer | None, settings: FieldSettings | None
+    ) -> LiveField | Interpolation:
+        signal = is_signal(self._unit)
+        if self._method == "gmrf" and self._half_life is None:
+            return LiveField(samples, occupancy, settings=settings, may_have_source=signal)
+        return interpolate(
+            samples,
+            occupancy,
+            method=self._method,
+            half_life=self._half_life,
+            may_have_source=signal,
+        )
+
     def layer(self) -> ValueLayer | None:
         """Return the layer as it is now; None while it is no more than the earlier one."""
         with self._lock:
             samples, walls = self._samples, self._walls
-            found = None if self._field is None else self._field.interpolation()
+            field = self._field
+            found = field.interpolation() if isinstance(field, LiveField) else field
         texts = {"quantity": self._quantity, "unit": self._unit}
         if found is None and not self.is_new:
             return None
@@ -135,7 +159,7 @@ class GrowingLayer:
         field = self._field
         if field is None:
             self._is_due = int(np.count_nonzero(~self._samples.is_below)) >= LEAST_SAMPLES
-        elif not field.covers(sample.points_xy[0]):
+        elif isinstance(field, Interpolation) or not field.covers(sample.points_xy[0]):
             self._is_due = True
         else:
             (x, y), value = sample.points_xy[0].tolist(), float(sample.values[0])

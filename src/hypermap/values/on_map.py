@@ -13,7 +13,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.core.value_layer import ValueLayer
-from hypermap.values.interpolation import METHODS
+from hypermap.values.interpolation import METHODS, Method
 from hypermap.values.layers import unknown_layer_of, value_layer_of
 from hypermap.values.random_field import FieldSettings
 
@@ -53,6 +53,13 @@ def samples_of(hypermap: Hypermap, layer: ValueLayer, frame_id: str) -> Samples:
     return samples
 
 
+def method_of(layer: ValueLayer) -> tuple[Method, float | None]:
+    """Return the method that a layer was made by, "gmrf" for another one, and its half-life."""
+    made_by: dict[str, Any] = layer.made_by
+    method = made_by.get("method")
+    return method if method in METHODS else "gmrf", made_by.get("half_life")
+
+
 def new_among(samples: Samples, kept: Samples) -> Samples:
     """Return the samples whose stamps are not among those of others, or unknown."""
     return samples.chosen(~np.isin(samples.stamps, kept.stamps))
@@ -82,7 +89,7 @@ def made_of(
     Raises:
         HypermapError: If the samples lie too far apart for any grid.
     """
-    made_by: dict[str, Any] = {} if known is None else known.made_by
+    method, half_life = ("gmrf", None) if known is None else method_of(known)
     quantity = name if known is None else known.quantity
     try:
         return value_layer_of(
@@ -92,8 +99,8 @@ def made_of(
             frame_id=frame_id,
             quantity=quantity,
             unit=unit,
-            method=made_by["method"] if made_by.get("method") in METHODS else "gmrf",
-            half_life=made_by.get("half_life"),
+            method=method,
+            half_life=half_life,
         )
     except HypermapError as error:
         _log.warning("layer %r keeps its samples, but has no values: %s", name, error)

@@ -111,11 +111,10 @@ class LiveMap:
             unit: of it; empty for that of the layer that is continued.
 
         Raises:
-            HypermapError: If another layer has the name, or the one to continue is not made by
-                a random field, or has another unit.
+            HypermapError: If another layer has the name.
         """
         from hypermap.values.growing import GrowingLayer
-        from hypermap.values.on_map import known_layer, samples_of
+        from hypermap.values.on_map import known_layer, method_of, samples_of
 
         if name in (*_OWN_LAYERS, *(layer.name for layer in self.values)):
             raise HypermapError(f"there is a layer {name!r} already; name the quantity otherwise")
@@ -123,14 +122,16 @@ class LiveMap:
         if known is None or known.samples is None or self._onto is None:
             layer = GrowingLayer(name, self._frame_id, quantity, unit)
         else:
-            if known.made_by.get("method", "gmrf") != "gmrf" or "half_life" in known.made_by:
-                raise HypermapError(
-                    f"layer {name!r} is made by {known.made_by['method']}, with or without a "
-                    "half-life; only gmrf without one can be continued live: name the quantity "
-                    "otherwise, or make the layer again with `hypermap values`"
-                )
-            kept = samples_of(self._onto, known, self._onto.base_frame)
-            layer = GrowingLayer(name, self._frame_id, known.quantity, known.unit or unit, kept)
+            method, half_life = method_of(known)
+            layer = GrowingLayer(
+                name,
+                self._frame_id,
+                known.quantity,
+                known.unit or unit,
+                samples_of(self._onto, known, self._onto.base_frame),
+                method=method,
+                half_life=half_life,
+            )
         self.values.append(layer)
         return layer
 
