@@ -161,6 +161,7 @@ export class App {
   private showAsAsked(wanted: () => boolean): Promise<void> {
     const task = this.reloading.then(async () => {
       if (!wanted()) return;
+      this.values.setPast(this.travel?.time != null);
       this.show(await this.source.map());
       this.ask.refresh();
     });

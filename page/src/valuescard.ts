@@ -22,6 +22,7 @@ export class ValuesCard {
   private readonly colors = el("div", { class: "colors of-raster", aria: { hidden: "true" } });
   private readonly ticks = el("div", { class: "ticks quiet" });
   private readonly paler = el("span", { class: "quiet", text: "Paler: less certain" });
+  private readonly today = el("span", { class: "quiet of-today", text: "As of now" });
   private readonly lines = el("input", { type: "checkbox" });
   private pointer: Point | null = null;
   private shown: { layer: string; version: number; values: MeasuredValues | null } | null = null;
@@ -34,6 +35,7 @@ export class ValuesCard {
     view.map.addLayer(this.contours);
     this.select.onchange = () => this.choose(this.select.value);
     this.lines.onchange = () => this.drawContours();
+    this.setPast(false);
     byId("values").append(
       el("div", { class: "values-head" }, this.select, this.output),
       this.colors,
@@ -42,6 +44,7 @@ export class ValuesCard {
         "div",
         { class: "values-foot" },
         el("label", { class: "check" }, this.lines, el("span", { text: "Contours" })),
+        this.today,
         this.paler,
       ),
     );
@@ -56,6 +59,11 @@ export class ValuesCard {
     this.select.replaceChildren(...options, el("option", { value: "", text: "No values" }));
     this.select.value = top?.info.name ?? "";
     void this.show(top ?? null).catch(complain);
+  }
+
+  /** Says that values are those of now where the map is shown as it was. */
+  setPast(isPast: boolean): void {
+    this.today.hidden = !isPast;
   }
 
   setPointer(point: Point | null): void {

@@ -47,7 +47,10 @@ def test_the_keyboard_leads_through_the_versions(window: Window) -> None:
     page.keyboard.press("Home")
     expect(page.locator("#when")).to_contain_text("2025-11-24 08:00 UTC monday")
     expect(page.locator("#tool-edit")).to_be_hidden()
+    of_today = page.locator("#values .of-today")  # in the card of measured values
+    expect(of_today).not_to_have_attribute("hidden", "")
     page.keyboard.press("Escape")
+    expect(of_today).to_have_attribute("hidden", "")
     expect(page.locator("#timebar")).to_be_hidden()
     expect(page.locator("#tool-edit")).to_be_visible()
     expect(page.locator("#subtitle")).to_have_text("4 objects · 10.0 × 8.0 m")
