@@ -1,8 +1,8 @@
-"""What each idea of the profile `default` brings, and which errors limit it.
+"""What each idea of the profile `default` contributes, and which errors limit it.
 
-Maps the same simulated drives with the profile, and with one idea after the other left out. Then
-drives with one kind of error left out after the other: an error budget. At the levels `rough` and
-`harsh`, kinds of lasting errors are taken back to `robot`. Prints means over the drives: the
+Maps the same simulated drives with the profile, and without each of its ideas in turn. Then
+drives without each kind of error in turn: an error budget. At the levels `rough` and
+`harsh`, kinds of lasting errors are reduced to those of `robot`. Prints means over the drives: the
 Jaccard index and the distance of centroids as in the 2019 thesis; precision, recall and F1 at an
 IoU of 0.25; and F1 at 0.5. `--ideas` compares some of the ideas alone, without the error budget.
 
@@ -40,18 +40,18 @@ def variants() -> dict[str, MappingConfig]:
     rules = whole.evidence
     without: Mapping[str, EvidenceConfig] = {
         "without rays": replace(rules, sight="area"),
-        "without a gone object's loss": replace(rules, gone_loss=rules.loss),
-        "without rival classes": replace(rules, contested=0.0),
-        "without slips left out": replace(rules, slip=1.0),
-        "without slack": replace(rules, slack=0.0),
-        "without side by side": replace(rules, exclusive=False),
+        "without see-throughs": replace(rules, gone_loss=rules.loss),
+        "without conflicts": replace(rules, contested=0.0),
+        "without misclassifications": replace(rules, slip=1.0),
+        "without tolerance": replace(rules, slack=0.0),
+        "without co-occurrence": replace(rules, exclusive=False),
         "without walls in the vote": replace(rules, abstain="outside"),
-        "without near views first": replace(rules, half_weight=math.inf),
+        "without near views weighted": replace(rules, half_weight=math.inf),
         "without aligning": replace(rules, align=0.0),
         "best shape, no votes": replace(rules, fusion="best_shape"),
-        "without sizes of classes": replace(rules, class_sizes="any"),
+        "without class sizes": replace(rules, class_sizes="any"),
         "without landmarks": replace(rules, landmarks=False),
-        "without completing": replace(rules, completion="none"),
+        "without completion": replace(rules, completion="none"),
     }
     named = {name: replace(whole, evidence=changed) for name, changed in without.items()}
     seen = whole.perception
@@ -80,13 +80,13 @@ def budget(level: str) -> dict[str, Errors]:
     return {
         "all errors": whole,
         "exact map": replace(whole, map=MapNoise()),
-        "map not bent": replace(whole, map=replace(whole.map, bend=0.0)),
+        "map not warped": replace(whole, map=replace(whole.map, bend=0.0)),
         "depth as at robot": replace(whole, depth=robot.depth),
         "no dark surfaces": replace(whole, depth=replace(depth, dark_surfaces=0.0)),
         "no wrong scale": replace(whole, depth=replace(depth, scale=0.0)),
         "no correlated noise": replace(whole, depth=replace(depth, correlated=0.0)),
         "one clock": replace(whole, poses=replace(poses, time_offset=0.0)),
-        "mounted as thought": replace(whole, poses=straight),
+        "exact mounting": replace(whole, poses=straight),
         "perfect poses": replace(whole, poses=PoseNoise()),
         "detections as at robot": replace(whole, detector=robot.detector),
         "no lasting misses": replace(whole, detector=replace(seen, lasting_misses=0.0)),
