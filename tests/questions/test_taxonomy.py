@@ -33,6 +33,34 @@ def test_a_name_finds_synonyms_and_kinds(asked: str, found: list[str]) -> None:
     assert load_taxonomy().matching(asked, names) == found
 
 
+@pytest.mark.parametrize(
+    ("kind", "names", "others"),
+    [
+        ("tree", ["palm"], ["rose", "cactus"]),
+        ("plant", ["rose", "cactus", "palm"], []),
+        ("bird", ["owl", "duck"], ["butterfly"]),
+        ("dog", ["puppy"], ["kitten"]),
+        ("car", ["taxi", "jeep"], ["school bus"]),
+        ("vegetable", ["carrot", "broccoli"], ["apple"]),
+        ("ball", ["soccer ball", "basketball"], ["basketball hoop"]),
+        ("plate", ["paper plate"], ["soup bowl"]),
+        ("light", ["flashlight", "lantern"], ["power drill"]),
+        ("sign", ["stop sign"], ["stop watch"]),
+        ("pen", ["ballpoint pen"], ["pencil"]),
+        ("door", ["glass door"], ["door handle"]),
+        ("pants", ["trousers", "jeans"], ["skirt"]),
+    ],
+)
+def test_a_kind_has_what_people_count_as_it(kind: str, names: list[str], others: list[str]) -> None:
+    assert load_taxonomy().matching(kind, [*names, *others]) == names
+
+
+def test_no_name_means_two_objects() -> None:
+    taxonomy = load_taxonomy()
+    for one, other in [("kennel", "dog house"), ("duvet", "comforter"), ("spanner", "wrench")]:
+        assert taxonomy.usual_name(one) == taxonomy.usual_name(other)
+
+
 def test_all_classes_of_coco_are_known() -> None:
     taxonomy = load_taxonomy()
     assert [name for name in COCO if taxonomy.usual_name(name) is None] == []
@@ -108,9 +136,9 @@ def test_a_file_of_the_user_adds_and_replaces(tmp_path: Path) -> None:
         ("cup: {also: mug}", "cup: `also` is a list of names"),
         ("cup: {includes: [1]}", "cup: `includes` is a list of names"),
         ("cup: {is: [mug]}", "cup: `is` is a name"),
-        ("cup: {includes: [mug]}\nmug:", "cup: includes 'mug', which is there already"),
+        ("cup: {includes: [mug]}\nmug:", "cup: includes 'mug', which already exists"),
         ("cup: {is: vessel}", "cup: its kind 'vessel' is not in the taxonomy"),
-        ("a: {is: b}\nb: {is: a}", "a: is of its own kind, by way of 'a'"),
+        ("a: {is: b}\nb: {is: a}", "a: is its own kind, through 'a'"),
     ],
 )
 def test_a_wrong_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
