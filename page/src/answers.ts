@@ -144,7 +144,7 @@ export function coverageContent(coverage: Coverage): HTMLElement[] {
   return [
     bar,
     el("p", {
-      text: `${squareMeters(size)} are to be mapped, and ${squareMeters(rest_size)} of them are not covered yet: they are marked. The layer mapped_grid holds what is covered.`,
+      text: `The area to map is ${squareMeters(size)}; ${squareMeters(rest_size)} are not covered yet and marked on the map. The layer mapped_grid shows what is covered.`,
     }),
   ];
 }

@@ -195,7 +195,7 @@ export class EmbeddedSource implements DataSource {
 
   private frame(name: string): Frame {
     const frame = this.blob.map.frames.find((frame) => frame.frame_id === name);
-    if (!frame) throw new Refused(`the map knows no frame "${name}"`, 400);
+    if (!frame) throw new Refused(`the map has no frame "${name}"`, 400);
     return frame;
   }
 

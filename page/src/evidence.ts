@@ -149,7 +149,7 @@ export class EvidenceSection {
         "ul",
         { class: "outlines parts" },
         row("seen", looksSample(), "Observed shapes", "Stronger for higher detection scores"),
-        row("cameras", cameraSample(), "Cameras", "Where it was seen from"),
+        row("cameras", cameraSample(), "Cameras", "Viewpoints"),
       ),
       el("h3", { text: "Its shape by each method" }),
       el(

@@ -66,7 +66,7 @@ export function objectForm(
           type: "button",
           class: "button small",
           text: "Split…",
-          title: "Make two rooms of it, along a line that you draw",
+          title: "Split it into two rooms, along a line that you draw",
           onclick: verbs.split,
         }),
     ),

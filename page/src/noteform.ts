@@ -41,7 +41,7 @@ export function noteForm(
     draw();
   };
   draw();
-  const submit = el("button", { type: "submit", class: "button small primary", text: "Keep note" });
+  const submit = el("button", { type: "submit", class: "button small primary", text: "Done" });
   const form = el(
     "form",
     { class: "form" },
@@ -76,7 +76,7 @@ function rows<T extends { name: string }>(files: T[], draw: () => void): HTMLEle
       files.splice(files.indexOf(file), 1);
       draw();
     };
-    return el("li", {}, el("span", { text: file.name }), iconButton("bin", "Leave out", take));
+    return el("li", {}, el("span", { text: file.name }), iconButton("bin", "Remove", take));
   });
 }
 

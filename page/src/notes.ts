@@ -147,7 +147,7 @@ export class Notes {
     const { form } = noteForm({ text: "", author: this.author, links: [] }, [], files, (written) =>
       this.save(written, { op: "add_note", layer: this.layer(), point }),
     );
-    this.panel.show({ title: "New note", summary: "Markdown is shown as such", content: [form] });
+    this.panel.show({ title: "New note", summary: "You can use Markdown", content: [form] });
     form.querySelector("textarea")?.focus();
   }
 
@@ -214,7 +214,7 @@ export class Notes {
 
   private editing(): Editing {
     const { editing } = this.source;
-    if (!editing) throw new Error("this map can only be looked at");
+    if (!editing) throw new Error("this map is read-only");
     return editing;
   }
 

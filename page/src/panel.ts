@@ -113,7 +113,7 @@ export function snippetsContent(snippets: Snippets): HTMLElement {
   show(snippets[chosenLanguage] === undefined ? "python" : chosenLanguage);
   const block = el(
     "pre",
-    { role: "group", aria: { label: "The same query, for a program" } },
+    { role: "group", aria: { label: "The same query from a program" } },
     code,
   );
   block.tabIndex = 0;

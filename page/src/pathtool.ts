@@ -23,7 +23,7 @@ export class PathTool {
   /** Waits for the start. */
   again(): void {
     this.start = null;
-    this.verbs.hint("Click where the path starts");
+    this.verbs.hint("Click the start of the path");
   }
 
   click(place: Point): void {
@@ -35,7 +35,7 @@ export class PathTool {
     } else {
       this.verbs.mark(place);
       this.start = place;
-      this.verbs.hint("Click where it leads");
+      this.verbs.hint("Click the goal of the path");
     }
   }
 

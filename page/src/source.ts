@@ -481,7 +481,7 @@ export interface Past {
 export interface DataSource extends Questions {
   /** Absent where the map's history is not known. */
   readonly past?: Past;
-  /** Absent where the map can only be looked at. */
+  /** Absent if the map is read-only. */
   readonly editing?: Editing;
 }
 

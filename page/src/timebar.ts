@@ -52,7 +52,7 @@ export class TimeBar {
     this.what = el("button", { type: "button", id: "what-changed", class: "tool", title });
     this.what.onclick = () => verbs.list();
     this.element.replaceChildren(
-      iconButton("back", "The version before", () => this.choose(this.position - 1)),
+      iconButton("back", "The previous version", () => this.choose(this.position - 1)),
       this.play,
       iconButton("forth", "The next version", () => this.choose(this.position + 1)),
       el("div", { class: "version-track" }, this.marks, this.slider),

@@ -1,6 +1,6 @@
 """Hypermap: semantic maps for mobile robots.
 
-Open a map with `open_map`, ask it, and write it with `save_map`. What is offered here is imported
+Open a map with `open_map`, query it, and write it with `save_map`. Each name here is imported
 when it is first used.
 """
 

@@ -34,7 +34,7 @@ def triangles(shapes: ObjectArray) -> Corners:
     """Return triangles that fill valid shapes, without their holes.
 
     Args:
-        shapes: shapely geometries, shape (N,); parts that are no polygons have nothing to fill.
+        shapes: shapely geometries, shape (N,); parts that are not polygons have nothing to fill.
 
     >>> len(triangles(np.array([shapely.box(0, 0, 2, 1)])).points_xy)
     6

@@ -113,7 +113,7 @@ def test_where_two_places_fit_neither_is_chosen() -> None:
     walls, pose = HALL.exterior, Pose2D(1.0, 1.0, 0.4)
     plain = drawn(Pose2D(), HALL, walls)
     turned = drawn(pose, HALL, walls)
-    with pytest.raises(NotAligned, match=r"several places fit.*give --initial"):
+    with pytest.raises(NotAligned, match=r"several poses match.*give --initial"):
         align(plain, turned)
     about = Pose2D(1.3, 0.8, 0.5)
     assert_is(align(plain, turned, initial=about).a_T_b, pose, center=(3, 2))
@@ -134,7 +134,7 @@ def test_objects_tell_one_end_of_a_hall_from_the_other() -> None:
 def test_another_place_is_refused() -> None:
     round_room = shapely.Point(0, 0).buffer(3)
     other = drawn(Pose2D(), round_room, round_room.exterior)
-    with pytest.raises(NotAligned, match="the maps do not fit"):
+    with pytest.raises(NotAligned, match="the maps do not match"):
         align(drawn(Pose2D()), other)
 
 

@@ -79,5 +79,5 @@ def test_another_place_is_refused(hypermap: Run, days: tuple[Path, Path], tmp_pa
     save_map(
         Hypermap([OccupancyLayer("occupancy", "map", GridGeometry(200, 200, 0.05), cells)]), file
     )
-    assert_one_error(hypermap("align", days[0], file, "-o", out), "the maps do not fit")
+    assert_one_error(hypermap("align", days[0], file, "-o", out), "the maps do not match")
     assert not out.exists()

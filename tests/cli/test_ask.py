@@ -123,7 +123,7 @@ def test_a_model_needs_an_address(hypermap: Run, room_map: Path, monkeypatch: An
     monkeypatch.delenv("HYPERMAP_MODEL_URL", raising=False)
     ask = ["ask", room_map, "I could do with a coffee", "--model", "m"]
     assert_one_error(hypermap(*ask), "--model needs --model-url")
-    assert_one_error(hypermap(*ask, "--model-url", "ftp://a/b"), "no address of a model")
+    assert_one_error(hypermap(*ask, "--model-url", "ftp://a/b"), "not the address of a model")
 
 
 def test_a_model_that_is_away_is_an_error(hypermap: Run, room_map: Path, monkeypatch: Any) -> None:

@@ -94,7 +94,7 @@ def test_objects_that_could_not_be_read_are_named_as_left_out(hypermap, shared_d
         (["x.yaml"], "choose with --layer occupancy or --layer semantic"),
         (["x.geojson", "--layer", "occupancy"], "can hold the objects of one layer, but there is"),
         (["x.hmap", "--layer", "rooms"], "there is no layer 'rooms'"),
-        (["x.hmap", "--frame", "map"], "a whole map says its frames itself; leave --frame out"),
+        (["x.hmap", "--frame", "map"], "a whole map names its own frames; leave out --frame"),
         (["no/x.hmap"], "does not exist; create it first"),
     ],
 )

@@ -152,7 +152,7 @@ def test_what_a_server_that_gives_up_has_sent_is_kept_for_the_next_time(hypermap
     server.breaks_off_after = [100_000, 0, 0, 0]
     result = hypermap("detectors", "get", NAME)
     assert result.code == 2
-    assert "the connection broke off" in result.err
+    assert "the connection was interrupted" in result.err
     assert "100000 of 307200 bytes are kept: run the same command to continue" in result.err
     assert not path.exists()
     assert hypermap("detectors", "get", NAME).code == 0

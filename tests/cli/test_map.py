@@ -538,7 +538,7 @@ def test_what_auto_measures_is_said_and_used(hypermap, tmp_path):
     assert "images match each other best with the poses of 0.20 s later" in reported.err
     mended = hypermap(*map_room, "--time-offset", "auto", "--level", "auto")
     assert "time offset: 0.20 s" in mended.err
-    assert "level: within 0.0 degrees, so the world stays as it is" in mended.err
+    assert "level: within 0.0 degrees, so the world is unchanged" in mended.err
     assert "make the map worse" in reported.err
     assert "make the map worse" not in mended.err
     for option, value in (("--level", "manual"), ("--time-offset", "soon"), ("--rotate", "45")):

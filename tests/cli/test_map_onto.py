@@ -74,7 +74,7 @@ def test_mapping_does_not_continue_a_map_that_it_has_not_made(hypermap, drive, r
     dropped = tmp_path / "dropped.hmap"
     arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", dropped, "--drop-evidence"]
     assert hypermap(*arguments).code == 0
-    assert_one_error(hypermap(*common, dropped), str(dropped), "as after --drop-evidence")
+    assert_one_error(hypermap(*common, dropped), str(dropped), "for example after --drop-evidence")
 
 
 def test_info_lists_the_drives_of_a_map(hypermap, drive, tmp_path):

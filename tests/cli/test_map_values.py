@@ -109,7 +109,7 @@ def test_a_wrong_value_is_refused_before_anything_is_mapped(hypermap, drive, tmp
 def test_values_need_topics(hypermap, warm, tmp_path):
     folder = write_tum(tmp_path / "tum", SHOTS[:2])
     result = hypermap("map", folder, "--no-objects", *WARMTH, "-o", tmp_path / "out.hmap")
-    assert_one_error(result, "is no bag, so it has no topics; give samples to")
+    assert_one_error(result, "is not a bag, so it has no topics; give samples to")
     poses = ["--onto", warm[0], "--poses", folder / "groundtruth.txt"]
     result = hypermap("map", *poses, *WARMTH, "-o", tmp_path / "out.hmap")
     assert_one_error(result, "give the RECORDING that has the topic")

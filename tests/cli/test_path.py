@@ -108,10 +108,10 @@ def test_the_ways_between_rooms_become_a_file_for_nav2(hypermap, flat, tmp_path)
 @pytest.mark.parametrize(
     ("target", "arguments", "reason"),
     [
-        ("r.geojson", ["--robot-radius", "0.2"], "--robot-radius and --inflation-radius are about"),
+        ("r.geojson", ["--robot-radius", "0.2"], "--robot-radius and --inflation-radius are for"),
         ("r.yaml", ["--route-graph"], "r.yaml: a route graph is saved as .geojson"),
-        ("r.geojson", ["--route-graph", "--robot-radius", "3"], "no way between rooms and doors"),
-        ("r.geojson", ["--route-graph", "--speed", "cup 1 9%"], "one file holds either"),
+        ("r.geojson", ["--route-graph", "--robot-radius", "3"], "no path between rooms and doors"),
+        ("r.geojson", ["--route-graph", "--speed", "cup 1 9%"], "one file cannot be both"),
         ("r.geojson", ["--route-graph", "--keepout", "cup"], "keepout: 'cup' is not a zone"),
     ],
 )

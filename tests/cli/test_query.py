@@ -142,7 +142,7 @@ def test_an_empty_answer_is_no_error_and_hints_at_the_nearest_name(hypermap, roo
     [
         ([], "there is no query; give --at X,Y, --in AREA or --name NAME"),
         (["--at", "1"], "--at '1': a point is X,Y"),
-        (["--at", "1,2", "--name", "chair"], "--at asks what is at a point"),
+        (["--at", "1,2", "--name", "chair"], "--at queries a point"),
         (["--in", "1,2,3"], "--in '1,2,3': an area is a rectangle"),
         (["--name", "chair", "--id", "1"], "give either --name or --value, not both"),
         (["--nearest", "--in", "0,0,1,1"], "the nearest what? give --name NAME"),
@@ -150,7 +150,7 @@ def test_an_empty_answer_is_no_error_and_hints_at_the_nearest_name(hypermap, roo
         (["--name", "chair", "--within", "1"], "--within needs --near"),
         (["--name", "chair", "--layer", "rooms"], "there is no layer 'rooms'"),
         (["--name", "chair", "--layer", "semantics"], "did you mean 'semantic'?"),
-        (["--near", "chair", "--layer", "occupancy"], "'occupancy' holds none"),
+        (["--near", "chair", "--layer", "occupancy"], "'occupancy' has none"),
         (["--at", "1,2", "--frame", "rom"], "did you mean 'room'?"),
         (["--in", "0,0,1,1", "--frame", "moon"], "frame 'moon' is unknown to the map"),
         (["--inside", "POLYGON((1 2"], "this is not WKT"),

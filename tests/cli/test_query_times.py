@@ -79,7 +79,7 @@ def test_when_they_were_last_seen_is_shown_the_latest_first(hypermap: Run, week:
         (["--since", "2026-13-01"], ["--since '2026-13-01': expected a time"]),
         (["--since", "monday or tuesday"], ["--since 'monday or tuesday'"]),
         (["--not-seen-for", ""], ["--not-seen-for ''"]),
-        (["--at", "1,1", "--since", "1d"], ["--at asks what is at a point"]),
+        (["--at", "1,1", "--since", "1d"], ["--at queries a point"]),
         (["--layer", "walls", "--last-seen"], ["there is no layer 'walls'"]),
     ],
 )
@@ -93,5 +93,5 @@ def test_stamps_of_a_recording_are_no_time_of_day(hypermap: Run, tmp_path: Path)
     path = tmp_path / "room.hmap"
     thing = seen("cup", 0, 90.0, 20.5, 100.0)
     save_map(Hypermap([SemanticLayer("semantic", "map", [thing])]), path)
-    assert_one_error(hypermap("query", path, "--since", "1d"), "on which day or at what time")
+    assert_one_error(hypermap("query", path, "--since", "1d"), "the dates at which objects")
     assert " 79.5 s " in hypermap("query", path, "--last-seen").out

@@ -154,8 +154,8 @@ def test_answers_are_tables_of_few_lines(hypermap, warm):
         (["--above", "20", "--layer", "things"], "which holds no measured values"),
         (["--measured", "temperature"], "there is no query"),
         (["--name", "desk", "--measured", "warmth"], "there is no layer 'warmth'"),
-        (["--at", "1,1", "--above", "3"], "--at asks what is at a point"),
-        (["--above", "20", "--layer", "things", "--layer", "rooms"], "ask one layer"),
+        (["--at", "1,1", "--above", "3"], "--at queries a point"),
+        (["--above", "20", "--layer", "things", "--layer", "rooms"], "need a single layer"),
     ],
 )
 def test_a_question_without_a_meaning_is_refused(hypermap, warm, question, said):

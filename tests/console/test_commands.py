@@ -72,7 +72,7 @@ def test_all_that_an_area_holds_is_listed_with_its_place(lab):
         ("getString semantics 1 2", "there is no layer 'semantics'; did you mean 'semantic'?"),
         ("getString semantic 1 two", "'two' is not a number"),
         ("getString semantic nan 2", "'nan' is not a finite number"),
-        ("getStrings semantic 0 0 2 2 2 0 0 2", "the corners do not bound an area, or"),
+        ("getStrings semantic 0 0 2 2 2 0 0 2", "the corners do not enclose an area, or"),
         ('load "a b', "no closing quotation in: load"),
         ("load nowhere.hmap", "nowhere.hmap"),
         ("exit now", "usage: exit"),

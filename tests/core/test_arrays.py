@@ -70,8 +70,8 @@ def test_shapely_points_are_points(points: Any, expected: list[list[float]]) -> 
 @pytest.mark.parametrize(
     ("points", "error", "message"),
     [
-        (shapely.Point(), ValueError, "there is an empty one"),
-        ([HERE, shapely.Point()], ValueError, "there is an empty one"),
+        (shapely.Point(), ValueError, "one of them is empty"),
+        ([HERE, shapely.Point()], ValueError, "one of them is empty"),
         (shapely.box(0, 0, 1, 1), TypeError, "shapely Points, got Polygon"),
         ([HERE, None], TypeError, "shapely Points, got NoneType"),
         (object(), TypeError, "shapely Points, got object"),

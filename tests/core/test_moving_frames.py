@@ -75,7 +75,7 @@ def test_a_chain_is_known_where_all_its_links_are() -> None:
         (
             "map",
             "shelf",
-            "frames 'map' and 'shelf' are not connected: the first hangs below 'map', "
+            "frames 'map' and 'shelf' are not connected: the first is below 'map', "
             "the second below 'warehouse'",
         ),
     ],

@@ -104,7 +104,7 @@ def test_outlines_that_are_mended_quickly_are_taken(shape: BaseGeometry) -> None
 
 def test_an_object_of_a_tangled_outline_cannot_be_made() -> None:
     tangled = _scribble(3_000)
-    with pytest.raises(ValueError, match="3001 corners crosses or touches itself so often"):
+    with pytest.raises(ValueError, match="3001 corners crosses or touches itself too often"):
         SemanticObject("scribble", tangled)
     good = SemanticObject("bow ties", shapely.Polygon(_bow_ties(1_000)))
     assert SemanticLayer("semantic", "map", [good]).label_at([[0.1, 0.5]]) == ["bow ties"]

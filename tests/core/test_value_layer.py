@@ -185,8 +185,8 @@ def test_a_picture_of_one_value_or_none_has_a_short_legend(cells, legend):
         (GRID, None, {}, "layer 'x': give both a grid and its cells, or neither"),
         (None, [[1.0]], {}, "layer 'x': give both a grid and its cells, or neither"),
         (GRID, [[1.0]], {}, "cells must have shape (2, 3), got (1, 1)"),
-        (GRID, np.full((2, 3), np.inf), {}, "cells must be finite, or NaN where nothing is known"),
-        (GRID, np.full((2, 3), 1e300), {}, "cells must be finite, or NaN where nothing is known"),
+        (GRID, np.full((2, 3), np.inf), {}, "cells must be finite, or NaN where unknown"),
+        (GRID, np.full((2, 3), 1e300), {}, "cells must be finite, or NaN where unknown"),
         (GRID, CELLS, {"stamps": [1.0]}, "stamps must have shape (2, 3), got (1,)"),
         (
             GRID,

@@ -123,7 +123,7 @@ def test_what_is_no_sample_is_refused(differences: list[float], message: str) ->
 
 def test_a_thousand_pairs_are_counted_but_no_more() -> None:
     assert signed_rank(np.ones(1000), exact=True).p == pytest.approx(2.0**-1000)
-    with pytest.raises(HypermapError, match="not counted for more than 1000 pairs, and there are"):
+    with pytest.raises(HypermapError, match="not computed for more than 1000 pairs, and there are"):
         signed_rank(np.ones(1001), exact=True)
 
 

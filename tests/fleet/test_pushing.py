@@ -141,7 +141,7 @@ def test_another_map_of_the_same_name_is_refused(
         push(database, Hypermap([SemanticLayer("other", "map")]), site)
     renamed = copy.copy(a_map)
     renamed.metadata["map_id"] = "another"
-    with pytest.raises(SiteExists, match="holds another map, with the id lab, not another"):
+    with pytest.raises(SiteExists, match="has another map, with the id lab, not another"):
         push(database, renamed, site, update=True)
     with pytest.raises(Conflict, match="has version 1 by now, not 7"):
         push(database, a_map, site, update=True, expected=7)
@@ -192,7 +192,7 @@ def test_the_commands_push_and_pull_the_same_file(
         ("postgresql:///postgres?host={folder}&user=owner&password=secret", "hypermap migrate"),
         ("postgresql:///store?host={folder}&user=nobody&password=secret", "nobody"),
         ("postgresql:///store?host={folder}&user=owner&port=a&password=secret", "port"),
-        ("mysql://me:secret@host/maps", "no address of a store"),
+        ("mysql://me:secret@host/maps", "not the address of a store"),
     ],
 )
 def test_a_wrong_address_is_one_line_without_the_password(

@@ -211,7 +211,7 @@ def test_a_layer_without_plugin_is_not_saved_and_the_old_file_stays(tmp_path: Pa
         "layer 'rooms' cannot be saved: no plug-in for its class 'RoomLayer' is installed "
         "(known: OccupancyGridLayer, SemanticLayer"
     )
-    with pytest.raises(TypeError, match="YAML has no object"):
+    with pytest.raises(TypeError, match="YAML cannot store the type object"):
         save_map(Hypermap(metadata={"a": object()}), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
@@ -353,7 +353,7 @@ def test_a_save_that_was_cut_off_and_cannot_be_completed_is_not_read_by_halves(
         with pytest.raises(HypermapError) as error:
             open_map(tmp_path)
     assert str(error.value) == (
-        f"{tmp_path}: a save was cut off here, and cannot be completed (Permission denied): open "
-        "the map once where you may write in this folder"
+        f"{tmp_path}: a save was interrupted here, and cannot be completed (Permission denied): "
+        "open the map once with permission to write in this folder"
     )
     assert map_facts(open_map(tmp_path)) == map_facts(small_map())

@@ -203,7 +203,7 @@ def test_exported_files_have_the_names_that_people_know(tmp_path: Path):
     assert written[1].read_bytes() == b"../../evil"
     assert export_files(layer, tmp_path / "out") == written
     written[1].write_bytes(b"of another")  # as long
-    with pytest.raises(HypermapError, match="1-evil: is there already with another content"):
+    with pytest.raises(HypermapError, match="1-evil: already exists with different content"):
         export_files(layer, tmp_path / "out")
     assert written[1].read_bytes() == b"of another"
 
@@ -227,8 +227,8 @@ def _old_plugin(name: str) -> Any:
     ("change", "said"),
     [
         (lambda d: d.update(hypermap_notes=2), "is of version 2"),
-        (lambda d: d.update(beside="../elsewhere"), "no folder next to the map"),
-        (lambda d: d.update(beside=".."), "no folder next to the map"),
+        (lambda d: d.update(beside="../elsewhere"), "not a folder next to the map"),
+        (lambda d: d.update(beside=".."), "not a folder next to the map"),
         (lambda d: d.pop("beside"), "but not where"),
         (lambda d: d["features"][0].update(id=-1), r"features\[0\].id"),
         (lambda d: d["features"].append(d["features"][0]), "note 1 already"),
@@ -240,7 +240,7 @@ def _old_plugin(name: str) -> Any:
         (lambda d: d["features"][0]["properties"].update(links=["javascript:1"]), "http"),
         (lambda d: _file(d).update(sha256="../../etc/passwd"), "sha256"),
         (lambda d: _file(d).update(sha256="0" * 64), "no such file"),
-        (lambda d: _file(d).update(size=7), "another size"),
+        (lambda d: _file(d).update(size=7), "the size of the file"),
     ],
 )
 def test_a_wrong_file_is_refused_with_its_place(saved: Path, tmp_path: Path, change, said: str):

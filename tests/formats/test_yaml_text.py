@@ -166,8 +166,13 @@ def test_values_of_other_libraries_become_plain() -> None:
 def test_what_yaml_cannot_hold_is_a_type_error_with_its_place() -> None:
     with pytest.raises(TypeError) as error:
         write_yaml({"a": [1, {"b": object()}]})
-    assert str(error.value) == "the value['a'][1]['b'] cannot be saved: YAML has no object"
-    with pytest.raises(TypeError, match=r"a key of the value cannot be saved: YAML has no tuple"):
+    assert (
+        str(error.value)
+        == "the value['a'][1]['b'] cannot be saved: YAML cannot store the type object"
+    )
+    with pytest.raises(
+        TypeError, match=r"a key of the value cannot be saved: YAML cannot store the type tuple"
+    ):
         write_yaml({(1, 2): 3})
     endless: list[Any] = []
     endless.append(endless)

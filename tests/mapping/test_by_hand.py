@@ -182,7 +182,7 @@ def test_what_people_have_edited_stays_where_it_is_seen_no_more() -> None:
 def test_a_map_without_its_layer_of_objects_is_refused() -> None:
     hypermap = mapped(back_and_forth(0))
     hypermap.rename("semantic", "things")
-    with pytest.raises(CannotGoOn, match="its layer 'semantic' of objects is gone"):
+    with pytest.raises(CannotGoOn, match="its semantic layer is missing"):
         Mapper.onto(hypermap, boxes)
 
 

@@ -216,7 +216,11 @@ def _of_the_future(hypermap: Hypermap) -> Hypermap:
     ("spoil", "options", "message"),
     [
         (lambda _: Hypermap(), {}, "this map was not made by mapping"),
-        (_without_state, {}, "the state of the mapper is not in the map, as after --drop-evidence"),
+        (
+            _without_state,
+            {},
+            "the state of the mapper is not in the map, for example after --drop-evidence",
+        ),
         (_damaged, {}, "mapper_state: is damaged: 'view.area.lengths' ends too early; map all"),
         (
             _of_the_future,

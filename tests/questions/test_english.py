@@ -73,7 +73,7 @@ def test_the_examples_can_be_asked(question: str) -> None:
         ("how many cups are on each table", "cannot read this question from 'each' on"),
         ("which rooms have more than 1 m chairs", "cannot read this question"),
         ("which room has the most nearest chairs", "how many, or the nearest"),
-        ("are there one and a half chairs", "1.5 things cannot be counted"),
+        ("are there one and a half chairs", "1.5 objects cannot be counted"),
         ("what is tagged", "cannot read 'tagged'"),
         ("which cups are where", "cannot read this question from 'where' on"),
         ("two cups", "2 of how many"),
@@ -82,7 +82,7 @@ def test_the_examples_can_be_asked(question: str) -> None:
         ("what did you see yesterday at 3 pm", "cannot read 'pm'"),
         ("what is new", "cannot read this question"),
         (f"what is at {'9' * 400}, 2", "a point is farther away than 1e"),
-        ("0 nearest cups", "0 things cannot be listed"),
+        ("0 nearest cups", "0 objects cannot be listed"),
         ("cup " * 25_000, "a question has at most 500 characters, not 100000"),
     ],
 )

@@ -206,7 +206,7 @@ def test_an_endpoint_that_is_away_is_named(kitchen: Hypermap) -> None:
     ["", "localhost", "file:///etc/passwd", "http://", "ftp://a/b", "http://[::1", "http://a b"],
 )
 def test_what_is_no_address_is_refused(url: str) -> None:
-    with pytest.raises(HypermapError, match="no address of a model"):
+    with pytest.raises(HypermapError, match="not the address of a model"):
         LanguageModel(url, "m")
 
 

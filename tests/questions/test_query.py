@@ -97,10 +97,10 @@ def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Q
         ({"name": ["cup"]}, "there is no key 'name'; known: give, names"),
         ({"names": "cup"}, "names: expected a list, got str"),
         ({"names": [1]}, "names: expected names"),
-        ({"give": "all"}, "'all' is none of objects, count"),
+        ({"give": "all"}, "'all' is not one of objects, count"),
         ({"when": {}}, "when: a time needs its begin or its end"),
-        ({"when": {"since": "monday"}}, "when.since: 'monday' is no date or time"),
-        ({"when": {"since": 5, "seen": "once"}}, "when.since: '5' is no date or time"),
+        ({"when": {"since": "monday"}}, "when.since: 'monday' is not a date or time"),
+        ({"when": {"since": 5, "seen": "once"}}, "when.since: '5' is not a date or time"),
         ({"when": {"until": "2026-11-20", "seen": "not seen"}}, "needs the time since when"),
         ({"when": {"since": "2026-11-20", "for": 3}}, "when: there is no key 'for'"),
         ({"rooms": ["kitchen"], "when": {"since": "2026-11-20"}}, "for rooms or for objects"),
@@ -125,10 +125,13 @@ def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Q
         ({"start": {"names": ["a"], "rooms": ["b"]}}, "start: a reference is exactly one of"),
         ({"when": [{}]}, r"when\[0\]: a time needs its begin or its end"),
         ({"when": "monday"}, "when: expected a list, got str"),
-        ({"as_of": "monday"}, "as_of: 'monday' is no date or time"),
+        ({"as_of": "monday"}, "as_of: 'monday' is not a date or time"),
         ({"ids": ["7"]}, "ids: expected a whole number"),
         ({"tags": "red"}, "tags: expected a list"),
         ({"exact": 1}, "exact: expected true or false"),
+        ({"exact": None}, "exact: expected true or false"),
+        ({"like": 5}, "like: expected a text"),
+        ({"value": "5"}, "value: expected a number"),
         ({"measured": {"above": "hot"}}, "measured.above: expected a number"),
         ({"give": "places"}, "'places' needs measured values with a limit"),
         ({"give": "value"}, "values, the highest and the lowest need measured values"),
@@ -136,7 +139,7 @@ def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Q
         ({"start": {"area": "POLYGON((0 0"}}, "start: the area is not WKT"),
         ({"start": {"area": "POINT(0 0)"}}, "start: the area is empty"),
         ({"names": ["a"], "rooms": ["b"]}, "for rooms or for objects, not for both"),
-        ({"per": "floor"}, "'floor' is none of room"),
+        ({"per": "floor"}, "'floor' is not one of room"),
         ({"per": "room"}, "'per' goes with 'count', 'exists' and 'rooms'"),
         ({"give": "exists", "per": "room"}, "with how many"),
         ({"give": "rooms", "per": "room", "which": "largest"}, "'which' is 'most' or 'fewest'"),
@@ -157,5 +160,5 @@ def test_references_within_each_other_have_an_end() -> None:
     reference: dict[str, Any] = {"names": ["cup"]}
     for _ in range(1000):
         reference = {"names": ["cup"], "where": [{"relation": "near", "what": reference}]}
-    with pytest.raises(FormatError, match="more than 8 references within each other"):
+    with pytest.raises(FormatError, match="more than 8 nested references"):
         Query.from_json({"where": [{"relation": "near", "what": reference}]})

@@ -105,7 +105,7 @@ def test_a_query_of_values_is_the_same_as_json(flat: Hypermap) -> None:
         ("where is it brighter than 200 lux?", HypermapError, "no layer of measured light"),
         ("where is it warmer than 25 dBm?", HypermapError, "cannot be converted"),
         ("which is the coldest?", HypermapError, "of what"),
-        ("how warm is it on the desk?", HypermapError, "in a room or at a point"),
+        ("how warm is it on the desk?", HypermapError, "need a room or a point"),
         ("where is the wifi weaker than the radio?", NotUnderstood, "cannot read"),
     ],
 )  # fmt: skip

@@ -100,9 +100,9 @@ NO_INFO = (
             ],
             {},
             [
-                "tf has no frame 'map', and camera frame 'camera' does not move against the root "
-                "of tf, 'base'; it has base, camera; record /tf as well, or, if the camera stood "
-                "still, name its fixed frame with --map-frame"
+                "tf has no frame 'map', and camera frame 'camera' does not move relative to the "
+                "root of tf, 'base'; it has base, camera; record /tf as well, or, if the camera "
+                "stood still, name its fixed frame with --map-frame"
             ],
         ),
         (
@@ -110,7 +110,7 @@ NO_INFO = (
             {},
             [
                 "tf has no transform from the camera to the map: frames 'map' and 'camera' are not "
-                "connected: the first hangs below 'map', the second below 'base'; name another "
+                "connected: the first is below 'map', the second below 'base'; name another "
                 "fixed frame with --map-frame"
             ],
         ),

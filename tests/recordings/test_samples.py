@@ -71,8 +71,8 @@ def test_a_trajectory_says_where_samples_with_stamps_were_taken(tmp_path):
         ("stamp,value\n1,2\n", "names no column 'x', in meters; of samples with stamps, name the"),
         ("x,y,value\n", "there are no samples in it"),
         ("x,y,value\n1,2\n", "line 2: has 2 cells, the first line 3"),
-        ("x,y,value\n1,2,3\n1,2,warm\n", "line 3: value: 'warm' is no number"),
-        ('x,y,value\n1,2,"3\n', "is no CSV file"),
+        ("x,y,value\n1,2,3\n1,2,warm\n", "line 3: value: 'warm' is not a number"),
+        ('x,y,value\n1,2,"3\n', "is not a CSV file"),
     ],
 )
 def test_a_broken_table_is_named_with_its_line(tmp_path, text, said):
@@ -212,12 +212,12 @@ def drive(tmp_path_factory):
     [
         ("/warm", {}, "there are no messages on topic '/warm' .*did you mean '/warmth'"),
         ("/warmth", {"field": "temprature"}, "there is no 'temprature'; did you mean 'temp"),
-        ("/warmth", {"field": "header"}, "is no number; it has .*stamp, frame_id"),
-        ("/warmth", {"field": "temperature[0]"}, "there is no list to take element 0 of"),
+        ("/warmth", {"field": "header"}, "is not a number; it has .*stamp, frame_id"),
+        ("/warmth", {"field": "temperature[0]"}, "there is no list that has element 0"),
         ("/warmth", {"field": "a b"}, "a path is like signal.rssi"),
         ("/warmth", {"field": "__class__"}, "a path is like signal.rssi"),
         ("/text", {}, "a std_msgs/msg/String has no single number; name the field"),
-        ("/text", {"field": "data"}, "is no number"),
+        ("/text", {"field": "data"}, "is not a number"),
         ("/warmth", {"map_frame": "world"}, "tf has no frame 'world'; it has map, base_link"),
         ("/warmth", {"sensor_frame": "nose"}, "no frame 'nose'.*--sensor-frame"),
     ],

@@ -134,7 +134,7 @@ def remove_all(pattern: str) -> Callable[[Path], None]:
             text_of("camera-intrinsics.txt", "585 0 320\n0 585 240\n0 0 1\n"),
             FormatError,
             "{}/camera-intrinsics.txt: the principal point (320, 240) is not on the images of 32 x "
-            "24 pixels: these are the intrinsics of another size; give --intrinsics",
+            "24 pixels: these intrinsics are for another image size; give --intrinsics",
         ),
         (
             text_of("camera-intrinsics.txt", ""),
@@ -214,7 +214,7 @@ def test_depth_and_color_of_different_size_from_the_start_are_reported_by_info(
         Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(color)
     assert open_recording(folder).info().missing == (
         f"{path}: color has 64 x 48 pixels, but depth in {folder}/frame-000000.depth.png has "
-        "32 x 24; color must be registered to depth and of its size; else give --register, "
+        "32 x 24; color must be registered to depth and have its size; otherwise, give --register, "
         "--color-intrinsics and --depth-transform",
     )
 

@@ -134,12 +134,12 @@ def test_a_list_of_pairs_stands_in_for_two_lists(folder: Path, depth_first: bool
         ("# nothing\n", "the list is empty"),
         (
             "1 a/1.png 1 b/1.png\n",
-            "line 1: expected stamp, file, stamp, file, of which one file is called depth, found "
+            "line 1: expected stamp, file, stamp, file, with one file named depth, found "
             "'1 a/1.png 1 b/1.png'",
         ),
         (
             "1 depth/1.png\n",
-            "line 1: expected stamp, file, stamp, file, of which one file is called depth, found "
+            "line 1: expected stamp, file, stamp, file, with one file named depth, found "
             "'1 depth/1.png'",
         ),
         ("x rgb/1.png 1 depth/1.png\n", "line 1: could not convert string to float: 'x'"),

@@ -40,8 +40,8 @@ def test_the_layer_is_named_by_the_quantity_or_what_is_measured(
         ("/wifi,unit", "unit needs a text"),
         ("/wifi,unit=", "unit needs a text"),
         ("/wifi,field=rssi", "there is no setting 'field'"),
-        ("/wifi,censored-below=low", "censored-below is no number: 'low'"),
-        ("/wifi,censored-below=nan", "censored-below is no number"),
+        ("/wifi,censored-below=low", "censored-below is not a number: 'low'"),
+        ("/wifi,censored-below=nan", "censored-below is not a number"),
     ],
 )
 def test_another_text_is_refused(text: str, said: str) -> None:

@@ -99,7 +99,7 @@ def test_an_area_that_crosses_itself_is_refused(types: Any, points: Any) -> None
 
 def test_what_would_keep_the_server_busy_is_refused(types: Any) -> None:
     scribble = np.random.default_rng(0).random((1200, 2)) * 10
-    with pytest.raises(FormatError, match="of 1201 corners crosses or touches itself so often"):
+    with pytest.raises(FormatError, match="of 1201 corners crosses or touches itself too often"):
         area_of(area(types, scribble))
     objects, (problem,) = semantic_objects_of(semantic(types, item(types, "cup", scribble, 3)))
     assert objects == []

@@ -73,7 +73,7 @@ def test_samples_become_a_layer_that_moves_with_a_loop_closure(
     wait_for(lambda: len(node.live_map.values[0]) == len(frames), "all samples")
     assert node.logged("there is a layer 'temperature' already")
     publish["/odd"].publish("warm")
-    wait_for(lambda: node.logged("/odd: --field 'data': is no number"), "what is wrong there")
+    wait_for(lambda: node.logged("/odd: --field 'data': is not a number"), "what is wrong there")
 
     grids: list[Any] = []
     topic = f"{port.node_name}/temperature_grid_map"

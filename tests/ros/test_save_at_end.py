@@ -58,7 +58,7 @@ def test_a_file_that_holds_another_map_stays_as_it_is(tmp_path: Path) -> None:
         save_at_end(room(name), path, (), log)
     beside = [tmp_path / "office-1.hmap", tmp_path / "office-2.hmap"]
     assert [names(file) for file in (path, *beside)] == [["desk"], ["sofa"], ["bed"]]
-    stays = f"{path} is there already, and this node has not loaded it: it stays as it is"
+    stays = f"{path} is there already, and this node has not loaded it: it is unchanged"
     assert log.lines == [
         f"info: the map will be stored in {path} at the end",
         f"info: stored the map in {path}",

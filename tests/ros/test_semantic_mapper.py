@@ -321,7 +321,7 @@ def test_the_map_is_saved_when_one_asks_though_no_place_was_named(
     ("values", "message"),
     [
         ({}, "give either depth_topic"),
-        ({"depth_topic": "/depth"}, "something must say what the camera sees"),
+        ({"depth_topic": "/depth"}, "there is no source of detections"),
         ({"depth_topic": "/d", "detector": "x.onnx"}, "the detector needs color images"),
         ({**RAW, "path_topic": "/p", "graph_topic": "/g"}, "by path_topic or by graph_topic, not"),
         (

@@ -62,7 +62,7 @@ def test_nothing_is_written_over_and_nothing_is_left_behind(tmp_path: Path) -> N
         write_bag(Breaks(WORLD), tmp_path / "drive.bag")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "drive.bag").write_text("mine", encoding="utf-8")
-    with pytest.raises(FormatError, match="there is something already; name a new file"):
+    with pytest.raises(FormatError, match="it already exists; name a new file"):
         write_bag(SimulatedRecording(WORLD), tmp_path / "drive.bag")
     assert (tmp_path / "drive.bag").read_text(encoding="utf-8") == "mine"
     with pytest.raises(FileMissing, match="there is no such folder"):

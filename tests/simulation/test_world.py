@@ -56,8 +56,8 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "w.yaml: a world file holds keys such as 'floor' and 'objects'"),
-        ("- 1", "w.yaml: a world file holds keys such as 'floor' and 'objects'"),
+        ("", "w.yaml: a world file has keys such as 'floor' and 'objects'"),
+        ("- 1", "w.yaml: a world file has keys such as 'floor' and 'objects'"),
         ("a: [", "w.yaml: is not valid YAML: did not find expected node content (line 2)"),
         ("a: !!python/object:os.system {}", "w.yaml: line 1: the tag"),
         ("name: w", "w.yaml: floor: is missing"),
@@ -82,7 +82,7 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
         ),
         (
             BASE + "objects: [{model: chair, at: [1, 1], size: {seat_height: 2}}]",
-            "w.yaml: objects[0]: these sizes do not fit together: a part would have no extent",
+            "w.yaml: objects[0]: these sizes do not work together: a part would have no extent",
         ),
         (
             BASE + "objects: [{model: chair, at: [1, 1], color: bluu}]",

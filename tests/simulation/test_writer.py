@@ -57,7 +57,7 @@ def test_every_fault_can_be_written_and_a_missing_pose_is_no_line(tmp_path: Path
 
 def test_nothing_is_written_over_and_nothing_is_left_behind(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
-    with pytest.raises(FormatError, match="there is something already; name a new or an empty"):
+    with pytest.raises(FormatError, match="it already exists; name a new or an empty"):
         write_tum(SimulatedRecording(WORLD), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 

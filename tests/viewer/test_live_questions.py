@@ -365,7 +365,7 @@ def test_a_question_without_meaning_is_refused(tmp_path, path, values, reason):
     [
         ([[0, 0], [2, 2], [2, 0], [0, 2]], "polygon: the outline crosses itself"),
         ([[0, 0], [1, 1], [2, 2]], "polygon: the"),
-        (SCRIBBLE, "polygon: an outline of 2001 corners crosses or touches itself so often"),
+        (SCRIBBLE, "polygon: an outline of 2001 corners crosses or touches itself too often"),
         ([[0, 0], [1, 1]], "at least three corners, got 2"),
         ([[0, 0], [1, "x"], [2, 2]], "a number within 1e+09 m is expected, got 'x'"),
         ([[0, 0], [1, float(10**12)], [2, 2]], "a number within 1e+09 m is expected"),

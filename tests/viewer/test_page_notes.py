@@ -74,7 +74,7 @@ def test_a_note_is_written_at_a_click_changed_and_deleted(window: Window, path: 
     page.get_by_label("Author").fill("Ada")
     page.get_by_label("Links").fill("https://example.org/pump")
     page.locator("#note-files").set_input_files(picture)
-    page.get_by_role("button", name="Keep note").click()
+    page.get_by_role("button", name="Done").click()
     expect(page.locator("#panel h2").first).to_have_text("Pump")
     expect(page.locator("#panel h1")).to_have_text("Pump")
     expect(page.locator("#panel figure img")).to_be_visible()
@@ -82,8 +82,8 @@ def test_a_note_is_written_at_a_click_changed_and_deleted(window: Window, path: 
 
     page.locator("#panel").get_by_role("button", name="Edit").click()
     page.get_by_label("Text", exact=True).fill("fixed")
-    page.get_by_role("button", name="Leave out").click()
-    page.get_by_role("button", name="Keep note").click()
+    page.get_by_role("button", name="Remove").click()
+    page.get_by_role("button", name="Done").click()
     expect(page.locator("#panel h2").first).to_have_text("fixed")
     expect(page.locator("#panel figure")).to_have_count(0)
 
@@ -118,7 +118,7 @@ def test_a_file_dropped_on_the_map_begins_a_note_there(window: Window):
         [x, y],
     )
     expect(page.locator("#panel .note-files li")).to_have_text(["plan.svg"])
-    page.get_by_role("button", name="Keep note").click()
+    page.get_by_role("button", name="Done").click()
     expect(page.locator("#panel h2").first).to_have_text("plan.svg")
     assert page.locator("#panel figure :is(img, video, audio)").count() == 0
     with page.expect_download() as download:

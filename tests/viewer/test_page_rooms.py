@@ -70,7 +70,7 @@ def find_path(window: Window, start: tuple[float, float], goal: tuple[float, flo
     if page.locator("#tool-path").get_attribute("aria-pressed") != "true":
         page.locator("#tool-path").click()
     window.click_at(*start)
-    expect(page.locator("#hint")).to_have_text("Click where it leads")
+    expect(page.locator("#hint")).to_have_text("Click the goal of the path")
     page.wait_for_timeout(400)  # what follows sooner is a double click
     window.click_at(*goal)
     page.locator("#robot-radius").wait_for()

@@ -110,7 +110,7 @@ def test_the_picture_leaves_out_what_is_unknown() -> None:
         (GRID, None, "layer 'x': give both a grid and its cells, or neither"),
         (None, [[1.0]], "layer 'x': give both a grid and its cells, or neither"),
         (GRID, [[1.0]], "cells must have shape (2, 3), got (1, 1)"),
-        (GRID, np.full((2, 3), np.inf), "cells must be finite, or NaN where nothing is known"),
+        (GRID, np.full((2, 3), np.inf), "cells must be finite, or NaN where unknown"),
     ],
 )
 def test_what_is_no_grid_of_headings_is_refused(grid: Any, cells: Any, message: str) -> None:

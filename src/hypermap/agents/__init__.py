@@ -1,4 +1,4 @@
-"""Tools with which programs, language-model agents among them, look at a map and edit it."""
+"""Tools with which programs, such as language-model agents, query and edit a map."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -57,7 +57,7 @@ class Looking:
     Args:
         current: returns the map as it is now.
         robot_radius: of the robot that paths are for [m].
-        taxonomy: a file of more names of things.
+        taxonomy: a file of more names of objects.
     """
 
     def __init__(

@@ -24,7 +24,7 @@ class OpenMap:
         is_editable: whether it can be edited.
 
     Raises:
-        HypermapError: If the file is no map.
+        HypermapError: If the file is not a map.
     """
 
     def __init__(self, path: Path, is_editable: bool = False) -> None:

@@ -23,10 +23,10 @@ def tools_for(
         path: a map.
         allow_edits: whether to include those that change the map and save it.
         robot_radius: of the robot that paths are for [m].
-        taxonomy: a file of more names of things.
+        taxonomy: a file of more names of objects.
 
     Raises:
-        HypermapError: If the file is no map.
+        HypermapError: If the file is not a map.
     """
     opened = OpenMap(Path(path), allow_edits)
     return tools_of(opened, Looking(opened.current, robot_radius, taxonomy), allow_edits)

@@ -102,7 +102,7 @@ def bounded(answer: dict[str, Any], most_bytes: int = MOST_BYTES) -> dict[str, A
         lists = {key: value for key, value in answer.items() if isinstance(value, list)}
         longest = max(lists, key=lambda key: len(json.dumps(lists[key])), default=None)
         if longest is None or not lists[longest]:
-            raise HypermapError("the answer is too large; ask for less")
+            raise HypermapError("the answer is too large; ask for fewer results")
         kept = len(lists[longest]) // 2
         left_out[longest] = left_out.get(longest, 0) + len(lists[longest]) - kept
         answer[longest] = lists[longest][:kept]

@@ -1,4 +1,4 @@
-"""How the map of another day or another robot lies on this one."""
+"""Aligns the map of another day or another robot to this one."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -16,8 +16,8 @@ def in_frame_of(
 ) -> Hypermap:
     """Return the second map with a transform to the base frame of the first.
 
-    All data stay as they are. Where a frame of the second map has the name of the first one's base
-    frame, it gets another name, as the two are not the same.
+    No data change. If a frame of the second map has the name of the first map's base frame, it gets
+    another name, because the two frames differ.
 
     Args:
         first: gives the name of the frame.

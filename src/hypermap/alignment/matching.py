@@ -39,20 +39,20 @@ _LEAST_OBJECTS, _ENOUGH_OBJECTS = 0.15, 8  # share, and from how many on it coun
 
 
 class NotAligned(HypermapError):
-    """Two maps could not be aligned: no place fits, or several do."""
+    """Two maps could not be aligned: no pose matches, or several do."""
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How one map lies on another.
+    """The alignment of one map to another.
 
     Attributes:
         a_T_b: takes points in the base frame of the second map to that of the first.
         agreement: share of the walls in the area known to both that lie on walls of the other map.
         overlap: share of the smaller map's known area that the other map knows, too.
         objects: how many objects of the second map lie on objects of that name in the first.
-        certainty: 0..1, how much worse the next best place fits.
-        others: how many more objects in the area known to both have a name that both maps know.
+        certainty: 0..1, how much worse the next best pose matches.
+        others: how many other objects in the area known to both have a name that both maps know.
     """
 
     a_T_b: Pose2D
@@ -80,23 +80,23 @@ def align(
     initial: Pose2D | None = None,
     layers: tuple[str | None, str | None] = (None, None),
 ) -> Alignment:
-    """Return how the second map lies on the first, by their occupancy layers and objects.
+    """Align the second map to the first, by their occupancy layers and objects.
 
     Args:
         first: a map.
         second: a map of the same floor, which overlaps with the first.
-        initial: about where the second map's base frame is in that of the first, within 2 m and 30
-            degrees; None for anywhere.
+        initial: approximate pose of the second map's base frame in that of the first, within 2 m
+            and 30 degrees; None for anywhere.
         layers: names of their occupancy layers; None for the only one.
 
     Raises:
-        NotAligned: If nothing fits well enough, or several places fit about equally.
+        NotAligned: If no pose matches well enough, or several match about equally.
         HypermapError: If a map has no occupancy layer, or an empty one.
     """
     a, b = scan_of(first, layers[0]), scan_of(second, layers[1])
     fits = _refined(a, b, _candidates(a, b, initial))
     if not fits:
-        raise NotAligned("no place was found in which the maps overlap")
+        raise NotAligned("no pose was found in which the maps overlap")
     best = fits[0]
     other = next((fit for fit in fits[1:] if _is_elsewhere(fit.pose, best.pose)), None)
     certainty = 1.0
@@ -112,19 +112,19 @@ def _check(found: Alignment) -> None:
     where = f"x {pose.x:.2f} m, y {pose.y:.2f} m, {math.degrees(pose.yaw):.1f} degrees"
     if found.agreement < _LEAST_AGREEMENT or found.overlap < _LEAST_OVERLAP:
         raise NotAligned(
-            f"the maps do not fit: in the best place ({where}), {found.overlap:.0%} of the smaller "
-            f"map overlap, and {found.agreement:.0%} of the walls there lie on walls of the other; "
-            "are they of one floor?"
+            f"the maps do not match: at the best pose ({where}), {found.overlap:.0%} of the "
+            f"smaller map overlaps, and {found.agreement:.0%} of the walls there lie on walls of "
+            "the other; do they show the same floor?"
         )
     comparable = found.objects + found.others
     if comparable >= _ENOUGH_OBJECTS and found.objects < _LEAST_OBJECTS * comparable:
         raise NotAligned(
-            f"the walls fit ({where}), but only {found.objects} of {comparable} objects are where "
-            "the other map has one of that name; are the maps of one floor?"
+            f"the walls match ({where}), but only {found.objects} of {comparable} objects are "
+            "where the other map has one of that name; are the maps of one floor?"
         )
     if found.certainty < _LEAST_CERTAINTY:
         raise NotAligned(
-            f"several places fit: the next best is only {found.certainty:.0%} worse than the best "
+            f"several poses match: the next best is only {found.certainty:.0%} worse than the best "
             f"({where}); give --initial X,Y,YAW to choose"
         )
 

@@ -42,8 +42,7 @@ def command(
             "--initial",
             metavar="X,Y,YAW",
             show_default="anywhere",
-            help="About where OTHER's origin is on MAP, in meters, and how it is turned, in "
-            "degrees.",
+            help="Approximate pose of OTHER's origin on MAP, in meters and degrees.",
         ),
     ] = None,
     new_frame: Annotated[
@@ -52,17 +51,17 @@ def command(
             "--new-frame",
             metavar="NAME",
             show_default="with a number",
-            help="Name of OTHER's frame in OUT, where both maps use the same one.",
+            help="Name of OTHER's frame in OUT, if both maps use the same name.",
         ),
     ] = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    """Find how OTHER lies on MAP, by walls and objects.
+    """Align OTHER to MAP, by walls and objects.
 
-    Both are maps of one floor that overlap. It prints where the origin of OTHER is on MAP, and how
-    it is turned. With -o it saves OTHER with this transform, so that it can be asked in the frame
-    of MAP. Where nothing fits, or several places do, it says so and saves nothing.
+    The maps must show the same floor and overlap. This prints the pose of OTHER's origin on MAP.
+    With -o, it saves OTHER with this transform, so that you can query it in the frame of MAP. If
+    no pose matches, or several do, it says so and saves nothing.
 
     Examples:
         hypermap align monday.hmap tuesday.hmap

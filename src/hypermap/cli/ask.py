@@ -28,7 +28,7 @@ def command(
         typer.Argument(
             metavar="QUESTION",
             show_default=False,
-            help="In English, or a query as JSON: a text that begins with {.",
+            help="A question in English, or a query as JSON, which begins with {.",
         ),
     ] = None,
     asker: Annotated[
@@ -37,7 +37,7 @@ def command(
             "--pose",
             metavar="X,Y[,YAW]",
             show_default=False,
-            help="Where you are, in meters, and where you look, in degrees, in the base frame.",
+            help="Your position, in meters, and heading, in degrees, in the base frame.",
         ),
     ] = None,
     taxonomy: Annotated[
@@ -46,7 +46,7 @@ def command(
             "--taxonomy",
             metavar="FILE",
             show_default=False,
-            help="More names and kinds of things, a YAML file; see docs/ask.md.",
+            help="YAML file with more names and kinds of objects; see docs/ask.md.",
         ),
     ] = None,
     robot_radius: Annotated[
@@ -64,7 +64,7 @@ def command(
             "--model",
             metavar="NAME",
             show_default="none",
-            help="Let this language model read what the grammar cannot; see docs/ask.md.",
+            help="Language model for questions that the grammar cannot read; see docs/ask.md.",
         ),
     ] = None,
     model_url: Annotated[
@@ -74,19 +74,19 @@ def command(
             metavar="URL",
             envvar="HYPERMAP_MODEL_URL",
             show_default=False,
-            help="Its OpenAI-compatible endpoint, as http://localhost:11434/v1.",
+            help="Its OpenAI-compatible endpoint, such as http://localhost:11434/v1.",
         ),
     ] = None,
     schema: Annotated[
-        bool, typer.Option("--schema", help="Print the JSON Schema of queries, and end.")
+        bool, typer.Option("--schema", help="Print the JSON Schema of queries and exit.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Ask a question about a map in plain English.
 
-    It shows how the question was understood, and then the answer. Synonyms and kinds of things are
-    known: a couch is a sofa, and seating. What cannot be read, or has two meanings, is an error:
-    nothing is guessed. It needs no language model, but can ask yours (--model).
+    This shows how it understood the question, and then the answer. It knows synonyms and kinds of
+    objects: a couch is a sofa, and seating. A question that it cannot read, or that has two
+    meanings, is an error: it never guesses. A language model is optional (--model).
 
     Examples:
         hypermap ask office.hmap "where is the nearest cup?" --pose 1,2

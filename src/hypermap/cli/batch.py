@@ -53,8 +53,8 @@ def command(
             "--set",
             metavar="STAGE.KEY=VALUE,...",
             show_default=False,
-            help="Map with each of these values of a setting. May be given more than once: then "
-            "each combination.",
+            help="Map with each of these values of a setting. May be repeated, to try all "
+            "combinations.",
         ),
     ] = None,
     workers: Annotated[
@@ -65,7 +65,7 @@ def command(
             min=1,
             max=MOST_WORKERS,
             show_default="one per core",
-            help="Number of processes: so many recordings are mapped at a time.",
+            help="Number of processes, each of which maps one recording at a time.",
         ),
     ] = None,
     address: Address = None,
@@ -73,13 +73,13 @@ def command(
 ) -> None:
     """Map many recordings, several at a time.
 
-    A job is one recording and how it is mapped. JOBS.YAML lists them; of a FOLDER, each recording
-    in it is one. A job that fails is reported, and leaves the others alone. If the true map is
-    known (truth.hmap in a recording's folder, or `truth:` of a job), the map is compared with it.
+    A job is one recording and its options. JOBS.YAML lists jobs; in a FOLDER, each recording is a
+    job. A job that fails is reported, and does not affect the others. If the ground truth is known
+    (truth.hmap in a recording's folder, or `truth:` of a job), the map is compared with it.
 
-    In OUT are the maps, and the results as results.csv, results.json and results.html. The same
-    command again does only what is not done: jobs whose recording, settings or hypermap have
-    changed, and those that failed. Ctrl-C leaves the finished maps.
+    OUT contains the maps, and results.csv, results.json and results.html. Running the same command
+    again skips finished jobs, unless their recording, settings or version of Hypermap have
+    changed. Ctrl-C keeps the finished maps.
 
     Examples:
         hypermap batch recordings -o maps

@@ -45,9 +45,9 @@ def command(
 ) -> None:
     """Benchmark Hypermap against other programs: PCL, Boost, GeoPandas and more.
 
-    Hypermap and another program do each task in turns, on one core, and their results are compared.
-    The other programs need compilers and libraries, so this only runs in a checkout of the source,
-    where `make bench` sets them up. Exit code 1: results differ.
+    Hypermap and another program take turns at each task, on one core, and their results are
+    compared. The other programs need compilers and libraries, so this only runs in a checkout of
+    the source, where `make bench` sets them up. Exit code 1: results differ.
 
     Examples:
         hypermap bench

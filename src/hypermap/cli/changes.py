@@ -41,15 +41,15 @@ def command(
         typer.Option(
             metavar="FILE",
             show_default=False,
-            help="Draw what was found: the changes on the map, with arrows, as .png or .svg.",
+            help="Draw the result: the changes on the map, with arrows, as .png or .svg.",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Show what changed in MAP: added, gone, moved, reshaped, renamed or edited objects.
 
-    Each line says when and by what: by which drive, or by hand. The times of drives are those of
-    their recordings. `hypermap diff` compares two maps instead.
+    Each line has the time and the cause: a drive, or an edit by hand. The times of drives are those
+    of their recordings. `hypermap diff` compares two maps instead.
 
     Examples:
         hypermap changes office.hmap --since monday

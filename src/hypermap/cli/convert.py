@@ -114,8 +114,8 @@ def command(
     if route_graph or robot_radius is not None or inflation_radius is not None:
         if not route_graph or speed or mask_resolution is not None:
             raise HypermapError(
-                "--robot-radius and --inflation-radius are about --route-graph, and --speed and "
-                "--mask-resolution about a mask; one file holds either"
+                "--robot-radius and --inflation-radius are for --route-graph, and --speed and "
+                "--mask-resolution for a mask; one file cannot be both"
             )
         save_route_graph(hypermap, target, robot_radius, inflation_radius, keepout or [], force)
     elif keepout or speed or mask_resolution is not None:

@@ -32,7 +32,7 @@ def command(
             "--min-moved",
             metavar="METERS",
             min=0,
-            help="An object that is nearer to its old place has not moved.",
+            help="Minimum distance of a move; an object nearer to its old place has not moved.",
         ),
     ] = 0.3,
     names: Annotated[
@@ -47,7 +47,7 @@ def command(
         typer.Option(
             metavar="FILE",
             show_default=False,
-            help="Draw what was found: both maps on top of each other, as .png or .svg.",
+            help="Draw the result: both maps on top of each other, as .png or .svg.",
         ),
     ] = None,
     as_json: AsJson = False,
@@ -55,9 +55,9 @@ def command(
     """Show what changed from MAP to OTHER: added, gone, moved, reshaped or renamed objects.
 
     Two maps of one drive and its continuation are compared as they are. Other maps are aligned by
-    walls and objects first. If only one of the maps knows a place, its objects are first seen or
-    not revisited. "moved" says how likely the two are the same object: of equal chairs, any may
-    have gone anywhere.
+    walls and objects first. Objects in a place that only one of the maps shows are "first seen" or
+    "not revisited". For "moved", the output says how likely the two are the same object, because
+    several equal chairs may have been swapped.
 
     Examples:
         hypermap diff monday.hmap tuesday.hmap

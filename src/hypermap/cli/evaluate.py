@@ -48,7 +48,7 @@ def command(
         typer.Option(
             metavar="FILE",
             show_default=False,
-            help="Draw what was found: both maps on top of each other, as .png or .svg.",
+            help="Draw the result: both maps on top of each other, as .png or .svg.",
         ),
     ] = None,
     as_json: AsJson = False,

@@ -17,8 +17,9 @@ from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.experiments.drives import Mapped, SimulatedDrive
-    from hypermap.experiments.results import Data
+    from hypermap.experiments.results import Data, WorldResult
     from hypermap.mapping.config import MappingConfig
+    from hypermap.simulation import World
 
 
 def command(
@@ -30,15 +31,15 @@ def command(
             "--output",
             metavar="OUT",
             show_default="thesis.html, days.json",
-            help="Save here: a report, .html; of days, all figures, .json.",
+            help="Save here: a report, .html; for days, all figures, .json.",
         ),
     ] = None,
     worlds: Annotated[
         str,
         typer.Option(
             metavar="dev|test|WORLD,...",
-            help="Worlds of `hypermap simulate`, or files. dev: those to look at and tune on; "
-            "test: those only to measure on.",
+            help="Worlds of `hypermap simulate`, or files. dev: those for development and tuning; "
+            "test: those only for measurements.",
         ),
     ] = "lab,floor",
     wanted: Annotated[
@@ -50,7 +51,10 @@ def command(
         ),
     ] = "all",
     seeds: Annotated[
-        int, typer.Option(min=1, max=1000, help="Drives through each world; of days, series.")
+        int,
+        typer.Option(
+            min=1, max=1000, help="Drives through each world; for days, series of drives."
+        ),
     ] = 10,
     drives: Annotated[
         int, typer.Option(min=2, max=1000, help="Drives in each series, a day apart: for days.")
@@ -60,7 +64,7 @@ def command(
         typer.Option(
             min=0,
             show_default="1000, or 5000 with worlds of test",
-            help="Seed of the first drive. Seeds from 5000 on are only to measure on.",
+            help="Seed of the first drive. Seeds from 5000 on are only for measurements.",
         ),
     ] = None,
     errors: Annotated[str, typer.Option(metavar=ERRORS, help=WHAT_ERRS)] = "robot",
@@ -80,9 +84,9 @@ def command(
     of the thesis do not. The tables have the form of the thesis. A JSON file next to the report
     contains all values.
 
-    days: drives a day apart, each mapped onto the map before, between which things are moved,
-    taken away, brought and swapped. It prints how many of these changes the map reports, how many
-    that it reports there were, and how often objects change their ids.
+    days: drives a day apart, each mapped onto the previous map. Between them, objects are moved,
+    removed, added and swapped. This prints how many of these changes the map reports, how many of
+    the reported ones are real, and how often objects change their ids.
 
     Examples:
         hypermap experiment thesis
@@ -94,7 +98,7 @@ def command(
     from hypermap.experiments.drives import SimulatedDrive
     from hypermap.experiments.methods import chosen_methods
     from hypermap.experiments.report import write_report
-    from hypermap.experiments.results import WorldResult, to_data
+    from hypermap.experiments.results import to_data
     from hypermap.experiments.sets import first_seed_of, worlds_named
     from hypermap.simulation import varied
 
@@ -121,11 +125,7 @@ def command(
         for world in described
         for seed in range(first, first + seeds)
     ]
-    mapped = _map(planned, methods, jobs)
-    results = [
-        WorldResult.of([m for m in mapped if m.drive.world.name == world.name])
-        for world in described
-    ]
+    results = _results(_map(planned, methods, jobs), described)
     data = to_data(results)
     data["command"] = _repeating(worlds, seeds, first, errors, sensor, wanted, rate)
     write_report(results, data, output, data["command"])
@@ -149,6 +149,16 @@ def _map(
             mapped.append(done)
             count()
     return mapped
+
+
+def _results(mapped: list[Mapped], worlds: list[World]) -> list[WorldResult]:
+    """Return the results of all drives, world by world."""
+    from hypermap.experiments.results import WorldResult
+
+    return [
+        WorldResult.of([each for each in mapped if each.drive.world.name == world.name])
+        for world in worlds
+    ]
 
 
 def _repeating(

@@ -35,10 +35,10 @@ def command(
         ),
     ] = None,
 ) -> None:
-    """Say until when an object of MAP is in force, such as a zone of a cleaning or of roadworks.
+    """Set the time at which an object of MAP expires, such as a zone that is closed for cleaning.
 
-    After that time it is not an answer to any query, nodes do not publish it, and it is only in
-    the history of the map.
+    After that time, queries ignore the object and nodes do not publish it. It is then only in the
+    history of the map.
 
     Examples:
         hypermap expire office.hmap 3 --layer zones --until 2026-11-25T18:00

@@ -1,4 +1,4 @@
-"""`hypermap find`: find things at many sites."""
+"""`hypermap find`: find objects at many sites."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def command(
             "--in",
             metavar="FOLDER",
             show_default=False,
-            help="All .hmap files in a folder and those within.",
+            help="All .hmap files in a folder and its subfolders.",
         ),
     ] = None,
     start: Annotated[
@@ -58,7 +58,7 @@ def command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find things at many sites: how many there are, in which rooms, and which is the nearest.
+    """Find objects at many sites: how many there are, in which rooms, and which is the nearest.
 
     Examples:
         hypermap find "fire extinguisher" --in-store postgresql://me@db.example/maps

@@ -53,14 +53,14 @@ def command(
     ] = 60.0,
     least_size: Annotated[
         float,
-        typer.Option("--least-size", metavar="METERS", help="Leave out shorter frontiers."),
+        typer.Option("--least-size", metavar="METERS", help="Minimum length of a frontier."),
     ] = 0.5,
     least_gain: Annotated[
         float,
         typer.Option(
             "--least-gain",
             metavar="M2",
-            help="Leave out frontiers that would show less.",
+            help="Minimum unknown area that a frontier would show.",
         ),
     ] = 0.2,
     next_views: Annotated[

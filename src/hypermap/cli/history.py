@@ -23,7 +23,7 @@ def command(
         typer.Option(
             metavar="TIME",
             show_default="as the map says, else 90d",
-            help="Keep changes of this long before the newest one, from now on: 90d, 12w.",
+            help="From now on, keep changes up to this long before the newest one: 90d, 12w.",
         ),
     ] = None,
     max_mb: Annotated[
@@ -32,7 +32,7 @@ def command(
             "--max-mb",
             metavar="MB",
             show_default="as the map says, else 100",
-            help="Keep at most this much, from now on.",
+            help="From now on, keep at most this much.",
         ),
     ] = None,
     export: Annotated[
@@ -46,10 +46,10 @@ def command(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show the versions of MAP: when each was made, by what, and what changed in it.
+    """Show the versions of MAP: when and how each was made, and what changed in it.
 
-    Maps made by `hypermap map` keep their history by themselves. For another map, --keep begins
-    it. `hypermap changes` shows each change.
+    Maps made by `hypermap map` keep a history automatically. For other maps, --keep
+    starts one. `hypermap changes` shows each change.
 
     Examples:
         hypermap history office.hmap

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Layer
     from hypermap.core.semantic import SemanticLayer
+    from hypermap.core.value_layer import ValueLayer
     from hypermap.mapping.preflight import Finding
     from hypermap.perception.recording import RecordingInfo
     from hypermap.recordings import RecordingOptions
@@ -42,9 +43,9 @@ def command(
 
     -v also shows all settings that made the map.
 
-    Of a recording, some frames are looked at: is its floor level at z = 0, the unit of depth right,
-    depth registered to color, do poses and images have one clock, and are the images upright? What
-    is wrong is printed with its effect on a map and the option that fixes it.
+    For a recording, this checks some frames: whether the floor is level at z = 0, the depth unit is
+    right, depth is registered to color, poses and images share a clock, and images are upright.
+    Each problem is printed with its effect on a map and the option that fixes it.
 
     The exit code is 0 even if something is missing for mapping. With --json, the list "missing" is
     empty if `hypermap map` can map the recording without further options.
@@ -108,15 +109,7 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         "extent": None if extent.is_empty else list(extent.bounds),
     }
     if isinstance(layer, SemanticLayer):
-        content["objects"] = len(layer)
-        content["names"] = _counts(layer.names)
-        content["observations"] = _observations(layer)
-        content["pictures"] = sum(
-            len(kept) for number, kept in layer.kept_pictures.items() if number in layer
-        )
-        content["rejected"] = [
-            {"position": r.position, "name": r.name, "reason": r.reason} for r in layer.rejected
-        ]
+        content |= _describe_objects(layer)
     elif isinstance(layer, OccupancyLayer) and layer.grid is not None:
         grid = layer.grid
         content["width"], content["height"] = grid.width, grid.height
@@ -124,13 +117,7 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         content["origin"] = [grid.origin.x, grid.origin.y, grid.origin.yaw]
         content["cells"] = layer.counts()
     elif isinstance(layer, ValueLayer) and layer.grid is not None:
-        found = layer.summary_in(layer.extent())
-        samples = layer.samples
-        content["quantity"], content["unit"] = layer.quantity, layer.unit
-        content["min"], content["mean"], content["max"] = found.least, found.mean, found.most
-        content["samples"] = None if samples is None else len(samples)
-        content["made_by"] = layer.made_by
-        content["summary"] = layer.summary()
+        content |= _describe_values(layer)
     elif isinstance(layer, NotesLayer):
         files = [each for note in layer for each in note.attachments]
         content["notes"] = len(layer)
@@ -138,6 +125,33 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         content["missing_files"] = [each.name for each in files if not each.is_there]
         content["summary"] = layer.summary()
     return content
+
+
+def _describe_objects(layer: SemanticLayer) -> dict[str, Any]:
+    pictures = (len(kept) for number, kept in layer.kept_pictures.items() if number in layer)
+    return {
+        "objects": len(layer),
+        "names": _counts(layer.names),
+        "observations": _observations(layer),
+        "pictures": sum(pictures),
+        "rejected": [
+            {"position": r.position, "name": r.name, "reason": r.reason} for r in layer.rejected
+        ],
+    }
+
+
+def _describe_values(layer: ValueLayer) -> dict[str, Any]:
+    found = layer.summary_in(layer.extent())
+    return {
+        "quantity": layer.quantity,
+        "unit": layer.unit,
+        "min": found.least,
+        "mean": found.mean,
+        "max": found.most,
+        "samples": None if layer.samples is None else len(layer.samples),
+        "made_by": layer.made_by,
+        "summary": layer.summary(),
+    }
 
 
 def _observations(layer: SemanticLayer) -> int | None:

@@ -90,7 +90,7 @@ def command(
     cloud_topic: Annotated[str | None, _topic("cloud_topic", "not with --depth-topic.")] = None,
     camera_info_topic: Annotated[
         str | None,
-        _topic("camera_info_topic", "else camera_info in the namespace of depth."),
+        _topic("camera_info_topic", "by default camera_info in the namespace of depth."),
     ] = None,
     color_topic: Annotated[str | None, _topic("color_topic", "for --detector.")] = None,
     detections_topic: Annotated[str | None, _topic("detections_topic", "of another node.")] = None,
@@ -103,7 +103,7 @@ def command(
     ] = DetectionsType.darknet,
     map_topic: Annotated[
         str | None,
-        _topic("map_topic", "not made from depth; corrects poses."),
+        _topic("map_topic", "used to correct poses, and instead of one made from depth."),
     ] = None,
     detector: Detector = None,
     labels: Labels = None,
@@ -123,7 +123,7 @@ def command(
             "--value",
             metavar="TOPIC[:FIELD][,KEY=TEXT]...",
             show_default=False,
-            help="Make a layer of what this topic measures: such as /temperature, or "
+            help="Make a layer of measured values from this topic: such as /temperature, or "
             "/wifi:rssi,unit=dBm. KEY as in `hypermap map`. May be repeated.",
             rich_help_panel=_TOPICS,
         ),
@@ -156,7 +156,7 @@ def command(
         typer.Option(
             "--spool",
             metavar="FILE",
-            help="Where observations wait while the database is away.",
+            help="File where observations wait while the database cannot be reached.",
             rich_help_panel=_STORE,
         ),
     ] = Path("hypermap.spool"),
@@ -171,8 +171,9 @@ def command(
     every --save-every seconds and at the end. The service save_map saves it at once. If the machine
     is too slow, frames are dropped, not queued. --onto continues a map of an earlier run,
     also after a crash; if it is the file of -o, it need not exist at the first start. --store also
-    writes objects, their evidence and the occupancy layer to a site of a shared store, each second.
-    --value makes layers of what other sensors measure, such as temperature or WiFi. --param sets
+    writes objects, their evidence and the occupancy layer to a site of a shared store, every
+    second. --value makes layers of measured values from other sensors, such as temperature or
+    WiFi. --param sets
     parameters of the node. ROS arguments (NAME:=VALUE, --ros-args ...) are passed to ROS.
 
     Examples:

@@ -8,7 +8,7 @@ from hypermap.cli.terminal import out, say_json, table
 
 
 def command(store: StoreAddress, site: SiteName = None, as_json: AsJson = False) -> None:
-    """Show who has written which version of a site, and when; the newest first.
+    """Show who wrote each version of a site, and when; the newest first.
 
     Examples:
         hypermap log postgresql://me@db.example/maps --site lab

@@ -22,7 +22,7 @@ Log = Annotated[
         metavar="LOG",
         show_default=False,
         help="Also log images, detections, shapes and the growing map: a file ending with .rrd "
-        "for Rerun or .mcap for Foxglove; or `rerun` or `foxglove`, to look on at once.",
+        "for Rerun or .mcap for Foxglove; or `rerun` or `foxglove`, to watch live.",
     ),
 ]
 

@@ -26,9 +26,9 @@ Values = Annotated[
         "--value",
         metavar="TOPIC[:FIELD][,KEY=TEXT]...",
         show_default=False,
-        help="Make a layer of what this topic measures: of a number in its messages, as `hypermap "
-        "values` does. KEY is quantity, unit, sample-unit, censored-below or sensor-frame. May be "
-        "repeated.",
+        help="Make a layer of measured values from this topic: a number in its messages, as "
+        "`hypermap values` does. KEY is quantity, unit, sample-unit, censored-below or "
+        "sensor-frame. May be repeated.",
     ),
 ]
 
@@ -59,7 +59,7 @@ def read_values(
     sources = [ValueSource.parse(text) for text in texts]
     if not isinstance(recording, BagRecording):
         raise HypermapError(
-            f"--value: {recording.path} is no bag, so it has no topics; give samples to "
+            f"--value: {recording.path} is not a bag, so it has no topics; give samples to "
             "`hypermap values POSES.txt --samples FILE.csv --onto MAP`"
         )
     for source in sources:

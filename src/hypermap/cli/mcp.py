@@ -61,7 +61,7 @@ def command(
             "--taxonomy",
             metavar="FILE",
             show_default=False,
-            help="More names and kinds of things, a YAML file; see docs/ask.md.",
+            help="YAML file with more names and kinds of objects; see docs/ask.md.",
         ),
     ] = None,
     robot_radius: RobotRadius = None,
@@ -69,8 +69,8 @@ def command(
     """Serve a map to language-model agents by the Model Context Protocol (MCP).
 
     Agents get tools to find objects, the nearest one, what is at a point, rooms, paths, changes,
-    answers to questions in English, and pictures. The map is loaded again when its file changes.
-    With --http the server is only accessible from this machine, by a token.
+    answers to questions in English, and pictures. The map is reloaded when its file changes.
+    With --http, the server is only accessible from this machine, with a token.
 
     Examples:
         hypermap mcp office.hmap

@@ -64,10 +64,10 @@ def usable_frames(path: Path, options: RecordingOptions, most: int = 0) -> Itera
 def _leveled(path: Path, options: RecordingOptions) -> RecordingOptions:
     pose, floor = leveling_pose(usable_frames(path, options, SPREAD))
     if floor is None:
-        note("level: no floor is visible, so the world stays as it is")
+        note("level: no floor is visible, so the world is unchanged")
         return options
     if (pose == compose()).all():
-        note(f"level: within {floor.tilt_deg:.1f} degrees, so the world stays as it is")
+        note(f"level: within {floor.tilt_deg:.1f} degrees, so the world is unchanged")
         return options
     pose = compose(pose, options.world_pose())
     numbers = ",".join(f"{number:.4f}" for number in rpy_from_pose(pose))

@@ -45,8 +45,7 @@ def command(
             "--initial",
             metavar="X,Y,YAW",
             show_default="anywhere",
-            help="About where OTHER's origin is on MAP, in meters, and how it is turned, in "
-            "degrees.",
+            help="Approximate pose of OTHER's origin on MAP, in meters and degrees.",
         ),
     ] = None,
     same_frame: SameFrame = False,
@@ -55,12 +54,12 @@ def command(
 ) -> None:
     """Merge maps of one floor: their objects, by the evidence for them, and their occupancy.
 
-    All maps must be made by `hypermap map` or `live`, with the same configuration, of different
+    All maps must be made by `hypermap map` or `live`, with the same configuration, from different
     recordings. Each OTHER is aligned to MAP by walls and objects, unless `hypermap align -o` has
-    done that. Objects in several maps become one, with the id that it has in MAP. An object that
-    is missing in the later of two maps becomes less probable by each view that should have shown
-    it. Edits made by hand stay; where two maps differ, those of MAP count. All other layers are
-    kept. `hypermap map --onto OUT` can continue the result.
+    done that. Objects in several maps become one, with its id in MAP. If an object is missing in
+    the later of two maps, each view that should have shown it lowers its existence. Edits made by
+    hand stay; if two maps differ, those of MAP win. All other layers are kept. `hypermap map
+    --onto OUT` can continue the result.
 
     Examples:
         hypermap merge monday.hmap tuesday.hmap -o week.hmap
@@ -73,7 +72,7 @@ def command(
 
     if initial is not None and (same_frame or len(others) > 1):
         raise HypermapError(
-            "--initial is for one OTHER, and not with --same-frame; use `hypermap align` before"
+            "--initial is for one OTHER, and not with --same-frame; use `hypermap align` first"
         )
     check_map_output(output, force or is_same_file(output, path))
     about = None if initial is None else parse_pose(initial, "--initial")

@@ -7,7 +7,7 @@ from hypermap.cli.terminal import note
 
 
 def command(store: StoreAddress) -> None:
-    """Create a shared store in a PostgreSQL database, or bring one to this program's version.
+    """Create a shared store in a PostgreSQL database, or upgrade one to this program's version.
 
     Adds the schema "hypermap" with its tables, the extensions PostGIS and btree_gist, and the
     roles hypermap_reader, hypermap_robot and hypermap_editor, so it needs an administrator.

@@ -116,7 +116,7 @@ def command(
         typer.Option(
             "--word",
             metavar="WORDS",
-            help="Each word is in the text, the author or a file's name.",
+            help="Only notes with each of these words in the text, the author or a file's name.",
             rich_help_panel=_FIND,
         ),
     ] = None,
@@ -137,11 +137,15 @@ def command(
     ] = None,
     after: Annotated[
         str | None,
-        typer.Option("--after", metavar="TIME", help="Not older.", rich_help_panel=_FIND),
+        typer.Option(
+            "--after", metavar="TIME", help="Only notes from this time on.", rich_help_panel=_FIND
+        ),
     ] = None,
     before: Annotated[
         str | None,
-        typer.Option("--before", metavar="TIME", help="Not newer.", rich_help_panel=_FIND),
+        typer.Option(
+            "--before", metavar="TIME", help="Only notes up to this time.", rich_help_panel=_FIND
+        ),
     ] = None,
     show: Annotated[
         int | None,

@@ -102,7 +102,7 @@ def _ask(question: str, refusal: str, path: Path) -> None:
     except typer.Abort:  # Ctrl-C or the end of input
         raise typer.Exit(INTERRUPTED) from None
     if not is_wanted:
-        raise HypermapError(f"{path} stays as it is")
+        raise HypermapError(f"{path} is unchanged")
 
 
 def check_picture(path: Path) -> None:
@@ -119,5 +119,5 @@ def check_picture(path: Path) -> None:
         text = yaml_file.read_bytes()[:_YAML_HEAD].decode(errors="replace")
         if names_it.search(text):
             raise HypermapError(
-                f"{path}: this is the picture of the grid {yaml_file.name}; it stays"
+                f"{path}: this is the picture of the grid {yaml_file.name}; it is not replaced"
             )

@@ -38,15 +38,16 @@ def command(
     follow: Annotated[
         bool,
         typer.Option(
-            "--follow", help="Go on until Ctrl-C: save OUT again whenever the site changes."
+            "--follow",
+            help="Keep running until Ctrl-C, and save OUT again whenever the site changes.",
         ),
     ] = False,
     force: ForceMap = False,
 ) -> None:
-    """Get a map from a shared store, as it was pushed, in its present or in a former version.
+    """Get a map from a shared store, as it was pushed: the present or an earlier version.
 
     With --follow, OUT is kept up to date: programs that watch the file, such as `hypermap view`,
-    see within a second what others write to the site.
+    see changes to the site within a second.
 
     Examples:
         hypermap pull postgresql://me@db.example/maps --site lab -o lab.hmap

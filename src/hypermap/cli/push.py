@@ -16,7 +16,7 @@ def command(
     store: StoreAddress,
     site: SiteName = None,
     update: Annotated[
-        bool, typer.Option("--update", help="Make it the next version of a site that is there.")
+        bool, typer.Option("--update", help="Make it the next version of an existing site.")
     ] = False,
     expect: Annotated[
         int | None,
@@ -30,17 +30,17 @@ def command(
     ] = None,
     another_map: Annotated[
         bool,
-        typer.Option("--another-map", help="With --update: even if the site holds another map."),
+        typer.Option("--another-map", help="With --update: even if the site has another map."),
     ] = False,
     message: Annotated[
-        str, typer.Option("--note", metavar="TEXT", help="What `hypermap log` says of it.")
+        str, typer.Option("--note", metavar="TEXT", help="Comment for `hypermap log`.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Put a map into a shared store, as a new site or as the next version of one.
 
-    The whole map is written, or nothing. Only what has changed since the version before takes
-    space. `hypermap pull` gives the same file again, also of former versions.
+    The whole map is written, or nothing. Only changes since the previous version take space.
+    `hypermap pull` returns exactly the same file, for earlier versions, too.
 
     Examples:
         hypermap push lab.hmap postgresql://me@db.example/maps --site lab

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,51 +21,54 @@ if TYPE_CHECKING:
     from hypermap.console.answer import Shown
     from hypermap.console.questions import Row
 
-_WHAT, _WHERE, _WHEN = "What", "Where", "When"
+
+def _takes_query_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of the shell's `query` to a command, which gets their values as `given`."""
+
+    @functools.wraps(command)
+    def wrapper(**arguments: Any) -> None:
+        given = {name: arguments.pop(_key(name)) for name in OPTIONS}
+        command(given=given, **arguments)
+
+    signature = inspect.signature(command, eval_str=True)
+    path, *own = (p for p in signature.parameters.values() if p.name != "given")
+    parameters = [path, *map(_parameter, OPTIONS), *own]
+    wrapper.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    wrapper.__annotations__ = {p.name: p.annotation for p in parameters}
+    return wrapper
 
 
-def _option(name: str, panel: str | None = None, default: str | None = None) -> Any:
-    """Return an option as the shell has it, too."""
+def _key(name: str) -> str:
+    """Return the parameter of an option; `--in` and others are keywords of Python."""
+    return name.strip("-").replace("-", "_") + "_"
+
+
+def _parameter(name: str) -> inspect.Parameter:
     option = OPTIONS[name]
-    return typer.Option(
+    declared = typer.Option(
         name,
         *option.also,
         metavar=option.takes or None,
         min=option.least,
         help=option.help,
-        show_default=default or False,
-        rich_help_panel=panel,
+        show_default=option.default or False,
+        rich_help_panel=option.panel or None,
+    )
+    kind = list[str] if option.repeats else option.kind
+    is_switch = option.kind is bool
+    return inspect.Parameter(
+        _key(name),
+        inspect.Parameter.KEYWORD_ONLY,
+        default=False if is_switch else None,
+        annotation=Annotated[kind if is_switch else kind | None, declared],
     )
 
 
+@_takes_query_options
 def command(
     path: MapPath,
-    at: Annotated[str | None, _option("--at", _WHERE)] = None,
-    area: Annotated[str | None, _option("--in", _WHERE)] = None,
-    name: Annotated[list[str] | None, _option("--name", _WHAT)] = None,
-    value: Annotated[float | None, _option("--value", _WHAT)] = None,
-    nearest: Annotated[bool, _option("--nearest", _WHAT)] = False,
-    count: Annotated[int | None, _option("-k", _WHAT)] = None,
-    start: Annotated[str | None, _option("--from", _WHERE, "0,0")] = None,
-    by: Annotated[str | None, _option("--by", _WHERE, "air")] = None,
-    robot_radius: Annotated[float | None, _option("--robot-radius", _WHERE)] = None,
-    near: Annotated[str | None, _option("--near", _WHERE)] = None,
-    within: Annotated[float | None, _option("--within", _WHERE)] = None,
-    inside: Annotated[str | None, _option("--inside", _WHERE)] = None,
-    like: Annotated[str | None, _option("--like", _WHAT)] = None,
-    embedder: Annotated[
-        str | None, _option("--embedder", _WHAT, "HYPERMAP_EMBEDDER of the environment")
-    ] = None,
-    having: Annotated[str | None, _option("--with", _WHAT)] = None,
-    above: Annotated[float | None, _option("--above", _WHAT)] = None,
-    below: Annotated[float | None, _option("--below", _WHAT)] = None,
-    measured: Annotated[str | None, _option("--measured", _WHAT)] = None,
-    since: Annotated[str | None, _option("--since", _WHEN)] = None,
-    new_since: Annotated[str | None, _option("--new-since", _WHEN)] = None,
-    not_seen_for: Annotated[str | None, _option("--not-seen-for", _WHEN)] = None,
-    as_of: Annotated[str | None, _option("--as-of", _WHEN)] = None,
-    last_seen: Annotated[bool, _option("--last-seen", _WHEN)] = False,
-    evidence: Annotated[bool, _option("--evidence", _WHAT)] = False,
+    *,
+    given: dict[str, Any],
     pictures: Annotated[
         Path | None,
         typer.Option(
@@ -70,12 +76,9 @@ def command(
             metavar="DIR",
             show_default=False,
             help="Save the pictures of the objects in this folder, as JPEG files.",
-            rich_help_panel=_WHAT,
+            rich_help_panel="What",
         ),
     ] = None,
-    layer: Annotated[list[str] | None, _option("--layer")] = None,
-    frame_id: Annotated[str | None, _option("--frame", None, "the map's base frame")] = None,
-    as_json: Annotated[bool, _option("--json")] = False,
 ) -> None:
     """Query a map: what is here, where is this object, and what is near it?
 
@@ -108,35 +111,9 @@ def command(
     from hypermap.console.questions import answered
     from hypermap.formats import open_map
 
-    given = {
-        "--at": at,
-        "--in": area,
-        "--name": name,
-        "--value": value,
-        "--nearest": nearest,
-        "-k": count,
-        "--from": start,
-        "--by": by,
-        "--robot-radius": robot_radius,
-        "--near": near,
-        "--within": within,
-        "--inside": inside,
-        "--like": like,
-        "--embedder": embedder,
-        "--with": having,
-        "--above": above,
-        "--below": below,
-        "--measured": measured,
-        "--since": since,
-        "--new-since": new_since,
-        "--not-seen-for": not_seen_for,
-        "--as-of": as_of,
-        "--last-seen": last_seen,
-        "--layer": layer,
-        "--frame": frame_id,
-    }
     found = answered(open_map(path), given)
     hypermap, rows = found.hypermap, found.rows
+    evidence = given["--evidence"]
     if evidence:
         from hypermap.console.evidence import add_evidence
         from hypermap.viewer.live.object_evidence import describe_evidence
@@ -147,7 +124,7 @@ def command(
         from hypermap.console.pictures import write_pictures
 
         saved = write_pictures(hypermap, rows, pictures)
-    if as_json:
+    if given["--json"]:
         say_json(document(str(path), hypermap, rows))
         return
     _show(shown(found))

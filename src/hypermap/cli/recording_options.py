@@ -165,7 +165,7 @@ def _request(given: dict[str, Any]) -> RecordingRequest:
     for name in measured:
         del values[name]
     if "level" in values:
-        raise HypermapError(f"--level {values['level']}: the one choice is auto")
+        raise HypermapError(f"--level {values['level']}: the only choice is auto")
     if "time_offset" in values:
         (values["time_offset"], *more) = _numbers(values["time_offset"], "time_offset")
         if more:

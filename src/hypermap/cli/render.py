@@ -39,7 +39,7 @@ def command(
         typer.Option("--in", metavar="AREA|ROOM", help=f"Only this area: {AN_AREA}; or a room."),
     ] = None,
     rooms: Annotated[
-        bool, typer.Option("--rooms", help="Find the rooms, where the map has none yet.")
+        bool, typer.Option("--rooms", help="Find the rooms first if the map has none.")
     ] = False,
     start: Annotated[
         str | None,

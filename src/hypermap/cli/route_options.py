@@ -23,8 +23,8 @@ AsRouteGraph = Annotated[
     typer.Option(
         "--route-graph",
         rich_help_panel=PANEL,
-        help="Rooms, doors and the ways between them as .geojson; --keepout keeps them out of "
-        "zones.",
+        help="Write rooms, doors and the routes between them as .geojson; --keepout keeps "
+        "routes out of zones.",
     ),
 ]
 
@@ -55,7 +55,7 @@ def save_route_graph(
     graph = route_graph(planner)
     if not len(graph.edges):
         raise HypermapError(
-            f"there is no way between rooms and doors for a radius of {robot_radius or 0:g} m"
+            f"there is no path between rooms and doors for a radius of {robot_radius or 0:g} m"
         )
     write_file(target, to_nav2_routes(graph).encode())
     if graph.too_narrow:

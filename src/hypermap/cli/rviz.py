@@ -91,4 +91,4 @@ def _run_rviz2(configuration: str) -> None:
         file.write_text(configuration, encoding="utf-8")
         code = subprocess.run([program, "-d", str(file)], check=False).returncode
     if code:
-        raise HypermapError(f"rviz2 has ended with exit code {code}")
+        raise HypermapError(f"rviz2 ended with exit code {code}")

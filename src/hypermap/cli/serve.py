@@ -46,8 +46,8 @@ def command(
             metavar="[MAP]",
             readable=False,
             show_default=False,
-            help="The map to serve: a file, or a site of a store, whose changes are served as "
-            "others write them; by default the one in the parameters.",
+            help="The map to serve: a file, or a site of a store, which is served with all later "
+            "changes; by default the one in the parameters.",
         ),
     ] = None,
     ros1: Ros1 = False,
@@ -70,8 +70,8 @@ def command(
         bool,
         typer.Option(
             "--mcp",
-            help="Also let language-model agents on this machine look at it, by MCP over HTTP; the "
-            "secret that they must know may be in HYPERMAP_MCP_TOKEN.",
+            help="Also serve the map to language-model agents on this machine, by MCP over HTTP; "
+            "HYPERMAP_MCP_TOKEN can set the secret that they need.",
         ),
     ] = False,
     view: Annotated[

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 ERRORS = "none|fair|robot|drift|rough|harsh|FILE"
 WHAT_ERRS = (
     "Errors of camera, localization, detector and map: none; fair: depth and detections as usual; "
-    "robot: also poses that drift and jump, walls taken for things; drift: the same with poses by "
-    "odometry, off by 1 % of the way and 1 degree per 10 m; rough: robot and small lasting errors "
-    "(clock, mounting, dark surfaces, false places, a map made by a laser); harsh: twice "
+    "robot: also poses that drift and jump, walls mistaken for objects; drift: the same with poses "
+    "from odometry, off by 1 % of the way and 1 degree per 10 m; rough: robot and small lasting "
+    "errors (clock, mounting, dark surfaces, false places, a map made by a laser); harsh: twice "
     "these; or a YAML file that changes single values of fair."
 )
 SENSORS = "kinect_v1|realsense_d435|tof"

@@ -17,8 +17,8 @@ StoreAddress = Annotated[
     typer.Argument(
         metavar="STORE",
         show_default=False,
-        help="A PostgreSQL database: postgresql://USER@HOST/DATABASE, as libpq has it. Give the "
-        "password by PGPASSWORD or ~/.pgpass.",
+        help="A PostgreSQL database, as for libpq: postgresql://USER@HOST/DATABASE. Pass the "
+        "password in PGPASSWORD or ~/.pgpass.",
     ),
 ]
 

@@ -218,8 +218,8 @@ def command(
             "--half-life",
             metavar="SECONDS",
             show_default="old samples count as much as new ones",
-            help="A sample loses half of its weight in this time, counted back from the newest "
-            "sample, as warmth and gas change.",
+            help="A sample loses half its weight in this time before the newest sample: for "
+            "quantities that change, such as temperature or gas.",
             rich_help_panel=_METHOD,
         ),
     ] = None,

@@ -67,8 +67,8 @@ def command(
     The page is only accessible from this machine, and private: the printed address contains an
     access token. The page draws all layers, answers queries at points and in areas, finds objects
     by name, and adds, renames, reshapes, tags and deletes objects. Nothing is written until you
-    save; the previous file is kept as MAP.bak. The page of a site of a store follows what others
-    write to it, and is read-only.
+    save; the previous file is kept as MAP.bak. The page of a site in a store is read-only, and
+    shows changes by others as they happen.
 
     Examples:
         hypermap view lab.hmap

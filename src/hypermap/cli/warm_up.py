@@ -15,7 +15,7 @@ _RATES = {ProfileName.default: 0.5, ProfileName.thesis: 0.1}
 def command() -> None:
     """Compile the code for maps, rooms and paths for this machine ahead of time.
 
-    Otherwise the first `demo`, `map`, `live`, `rooms` or `path` does so, and takes longer. This
+    Otherwise, the first `demo`, `map`, `live`, `rooms` or `path` does this, and takes longer. This
     command maps a small simulated room with both profiles, and finds rooms, paths and frontiers in
     a small grid. In a Docker image, run it as root on the same type of processor: the cache next to
     the code then serves all users.

@@ -183,7 +183,7 @@ class Console:
         try:
             settings = PathSettings(float(radius[0]) if radius else 0.0)
         except ValueError:
-            raise HypermapError(f"{radius[0]!r} is no radius in meters, as 0.3") from None
+            raise HypermapError(f"{radius[0]!r} is not a radius in meters, such as 0.3") from None
         return "\n".join(path_lines(plan(Planner(self.hypermap, settings), start, goal, STAND_OFF)))
 
     def _republish(self, _: list[str]) -> str:
@@ -288,7 +288,7 @@ def _points(words: list[str]) -> NDArray[np.float64]:
 def _area(words: list[str]) -> shapely.Polygon:
     area = shapely.Polygon(_points(words))
     if not area.is_valid or area.area == 0:
-        raise HypermapError("the corners do not bound an area, or its outline crosses itself")
+        raise HypermapError("the corners do not enclose an area, or the outline crosses itself")
     return area
 
 

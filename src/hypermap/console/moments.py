@@ -32,7 +32,7 @@ def map_at(hypermap: Hypermap, moment: str | None) -> tuple[Hypermap, float]:
         moment: a time or a version, as a user writes it; None for now.
 
     Raises:
-        HypermapError: If it is no time, or one that the map does not know.
+        HypermapError: If it is not a time, or one that the map does not know.
     """
     if moment is None:
         return hypermap, time.time()
@@ -54,10 +54,10 @@ def changes_since(
         option: what it was given for, in messages.
 
     Raises:
-        HypermapError: If the map keeps no history, or it is no time.
+        HypermapError: If the map keeps no history, or it is not a time.
     """
     if hypermap.history is None:
-        raise HypermapError("this map keeps no history; `hypermap history --keep 90d` begins one")
+        raise HypermapError("this map keeps no history; `hypermap history --keep 90d` starts one")
     dated = list(hypermap.history.dated())
     version = None if moment is None else version_in(moment)
     if version is not None:
@@ -66,8 +66,8 @@ def changes_since(
         begin = parse_moment(moment, option).timestamp()
         if dated and all(revision.time is None for _, revision in dated):
             raise HypermapError(
-                f"{option} {moment}: the clocks of the recordings do not say on which day they "
-                "were made; give a version, such as v1"
+                f"{option} {moment}: the clocks of the recordings give no dates; "
+                "give a version, such as v1"
             )
         later = [revision for stamp, revision in dated if stamp >= begin]
     else:

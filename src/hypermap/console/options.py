@@ -22,6 +22,8 @@ class Option:
         least: the smallest number that it takes; None for any.
         repeats: whether it may be given several times.
         also: other names of it.
+        panel: the heading that it is under in the help of `hypermap query`; empty for none.
+        default: what the help shows as its default; empty for nothing.
     """
 
     takes: str
@@ -30,53 +32,97 @@ class Option:
     least: int | None = None
     repeats: bool = False
     also: tuple[str, ...] = ()
+    panel: str = ""
+    default: str = ""
 
+
+_WHAT, _WHERE, _WHEN = "What", "Where", "When"
 
 OPTIONS = {
-    "--at": Option("X,Y", "What is at this point?"),
+    "--at": Option("X,Y", "What is at this point?", panel=_WHERE),
     "--in": Option(
         "AREA|ROOM",
         f"Only this area: {AN_AREA}; or the rooms of this name or kind. Alone: what is in it?",
+        panel=_WHERE,
     ),
     "--name": Option(
-        "NAME", "Only objects with this name: may be repeated, for either.", repeats=True
+        "NAME",
+        "Only objects with this name: may be repeated, for any of them.",
+        repeats=True,
+        panel=_WHAT,
     ),
-    "--value": Option("N", "Where is this value? For objects, the id.", float, also=("--id",)),
-    "--nearest": Option("", "Only the nearest one.", bool),
-    "-k": Option("K", "The K nearest ones.", int, least=1),
-    "--from": Option("X,Y", "Where --nearest and -k start to measure."),
-    "--by": Option("air|path", "How --nearest and -k measure: by air, or by path around walls."),
-    "--robot-radius": Option("METERS", "Radius of the robot: for --by path.", float, least=0),
-    "--near": Option("NAME|X,Y", "Only objects near this one."),
-    "--within": Option("METERS", "Largest distance of --near.", float, least=0),
-    "--inside": Option("NAME|AREA", "Only objects whose center is inside this one."),
-    "--like": Option("TEXT", 'The 5 objects, or -k, that look most like this: "a place to sit".'),
-    "--embedder": Option("FOLDER", "Encoders of images and texts: those that `map` used."),
-    "--with": Option("NAME", "Only rooms in which there is an object of this name."),
+    "--value": Option(
+        "N", "Where is this value? For objects, the id.", float, also=("--id",), panel=_WHAT
+    ),
+    "--nearest": Option("", "Only the nearest one.", bool, panel=_WHAT),
+    "-k": Option("K", "The K nearest ones.", int, least=1, panel=_WHAT),
+    "--from": Option(
+        "X,Y", "Where --nearest and -k start to measure.", panel=_WHERE, default="0,0"
+    ),
+    "--by": Option(
+        "air|path",
+        "How --nearest and -k measure: air (straight line), or path (around walls).",
+        panel=_WHERE,
+        default="air",
+    ),
+    "--robot-radius": Option(
+        "METERS", "Radius of the robot: for --by path.", float, least=0, panel=_WHERE
+    ),
+    "--near": Option("NAME|X,Y", "Only objects near this one.", panel=_WHERE),
+    "--within": Option("METERS", "Largest distance of --near.", float, least=0, panel=_WHERE),
+    "--inside": Option("NAME|AREA", "Only objects whose center is inside this one.", panel=_WHERE),
+    "--like": Option(
+        "TEXT", 'The 5 objects, or -k, that look most like this: "a place to sit".', panel=_WHAT
+    ),
+    "--embedder": Option(
+        "FOLDER",
+        "Encoders of images and texts: those that `map` used.",
+        panel=_WHAT,
+        default="HYPERMAP_EMBEDDER of the environment",
+    ),
+    "--with": Option("NAME", "Only rooms in which there is an object of this name.", panel=_WHAT),
     "--above": Option(
-        "N", "Where a measured value is above this; with --measured, what has such a mean.", float
+        "N",
+        "Where a measured value is above this; with --measured, by the mean.",
+        float,
+        panel=_WHAT,
     ),
     "--below": Option(
-        "N", "Where a measured value is below this; with --measured, what has such a mean.", float
+        "N",
+        "Where a measured value is below this; with --measured, by the mean.",
+        float,
+        panel=_WHAT,
     ),
     "--measured": Option(
         "LAYER",
         "The mean of these measured values in each room, or within half a meter of each other "
         "object: the lowest first.",
+        panel=_WHAT,
     ),
     "--since": Option(
         "TIME",
         "Only from this time on: objects seen since yesterday, monday, 2026-11-20T10:00, 7d.",
+        panel=_WHEN,
     ),
-    "--new-since": Option("TIME", "Only objects first seen at this time or later."),
-    "--not-seen-for": Option("TIME", "Only objects that were not seen for this long: 7d, 2h."),
+    "--new-since": Option("TIME", "Only objects first seen at this time or later.", panel=_WHEN),
+    "--not-seen-for": Option(
+        "TIME", "Only objects that were not seen for this long: 7d, 2h.", panel=_WHEN
+    ),
     "--as-of": Option(
-        "TIME", "The map as it was: yesterday, 2026-11-20T10:00, 7d, or v3 for version 3."
+        "TIME",
+        "The map as it was: yesterday, 2026-11-20T10:00, 7d, or v3 for version 3.",
+        panel=_WHEN,
     ),
-    "--last-seen": Option("", "Show when objects were last seen, the latest first.", bool),
-    "--evidence": Option("", "Show the evidence for the objects.", bool),
+    "--last-seen": Option(
+        "", "Show when objects were last seen, the latest first.", bool, panel=_WHEN
+    ),
+    "--evidence": Option("", "Show the evidence for the objects.", bool, panel=_WHAT),
     "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),
-    "--frame": Option("FRAME", "Frame of the coordinates: of points and areas in the query."),
+    "--frame": Option(
+        "FRAME",
+        "Frame of the coordinates: of points and areas in the query.",
+        default="the map's base frame",
+    ),
     "--json": Option("", "Print JSON, for programs.", bool),
 }
 _BY_NAME = {name: first for first in OPTIONS for name in (first, *OPTIONS[first].also)}

@@ -29,7 +29,7 @@ def write_pictures(hypermap: Hypermap, rows: Sequence[Row], folder: Path) -> int
     """
     objects = [row for row in rows if "object" in row]
     if rows and not objects:
-        raise HypermapError("--pictures saves pictures of objects; choose some by --name or --id")
+        raise HypermapError("--pictures saves pictures of objects; choose some with --name or --id")
     files: dict[str, bytes] = {}
     for row in objects:
         layer, number = hypermap[row["layer"]], row["object"]["id"]
@@ -45,6 +45,6 @@ def write_pictures(hypermap: Hypermap, rows: Sequence[Row], folder: Path) -> int
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise HypermapError(f"{folder}: cannot be made: {error.strerror}") from None
+            raise HypermapError(f"{folder}: cannot be created: {error.strerror}") from None
         write_files(folder, files)
     return len(files)

@@ -47,7 +47,7 @@ def parse_area(text: str, option: str) -> BaseGeometry:
 
 
 def names_rooms(text: str) -> bool:
-    """Return whether a text is no numbers and no WKT, so that it names rooms."""
+    """Return whether a text is neither numbers nor WKT, so that it names rooms."""
     shapes = "(MULTI)?(POINT|LINESTRING|LINEARRING|POLYGON)|GEOMETRYCOLLECTION"
     return re.match(rf"\s*([-+.\d]|({shapes})\b)", text, re.IGNORECASE) is None
 
@@ -71,7 +71,7 @@ def _checked(area: BaseGeometry, text: str, option: str) -> BaseGeometry:
 
 
 def _numbers(text: str) -> list[float]:
-    """Return finite numbers parted by commas or blanks; nothing if one is none."""
+    """Return finite numbers separated by commas or blanks; nothing if one is none."""
     try:
         numbers = [float(word) for word in text.replace(",", " ").split()]
     except ValueError:

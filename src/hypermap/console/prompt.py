@@ -58,7 +58,7 @@ class Prompt:
 
 
 def history() -> History:
-    """Return what was typed in earlier sessions, kept where the system keeps such things."""
+    """Return the lines of earlier sessions, from where the system keeps such files."""
     state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
     try:
         (state / "hypermap").mkdir(parents=True, exist_ok=True)

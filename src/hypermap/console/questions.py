@@ -238,15 +238,30 @@ def _is_place(hypermap: Hypermap, text: str) -> bool:
     return re.fullmatch(r"\s*([-+.\d][-+.,\s\deE]*|[A-Za-z]+\s*\(.*)", text) is not None
 
 
+def _check_numbers(given: Options) -> None:
+    """Refuse numbers that are not finite."""
+    for name, value in given.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            raise HypermapError(f"{name} {value}: expected a finite number")
+
+
+def _check_places(given: Options, *, is_of_objects: bool) -> None:
+    """Refuse questions about the places of measured values that cannot be answered."""
+    if is_of_objects:
+        raise HypermapError(
+            "--above and --below find places; to find objects or rooms, give --measured LAYER, too"
+        )
+    if len(given.get("--layer") or ()) > 1:
+        raise HypermapError("--above and --below need a single layer; give --layer once")
+
+
 def _check(given: Options) -> None:
     """Refuse questions without a meaning."""
 
     def has(*options: str) -> bool:
         return any(given.get(option) not in (None, [], (), False) for option in options)
 
-    for name, value in given.items():
-        if isinstance(value, float) and not math.isfinite(value):
-            raise HypermapError(f"{name} {value}: expected a finite number")
+    _check_numbers(given)
     names = has("--name", "--value")
     if has("--name") and has("--value"):
         raise HypermapError("give either --name or --value, not both")
@@ -255,22 +270,15 @@ def _check(given: Options) -> None:
     times = (*_TIMES, "--last-seen")
     asked = names or has("--in", "--like", "--near", "--inside", "--with", *times)
     if has("--at") and (asked or has("-k", "--nearest", "--measured", "--above", "--below")):
-        raise HypermapError(
-            "--at asks what is at a point; combine it only with --layer and --frame"
-        )
+        raise HypermapError("--at queries a point; combine it only with --layer and --frame")
     if has("--above", "--below") and not has("--measured"):
-        if names or has("--near", "--within", "--inside", "--with") or by == "path":
-            raise HypermapError(
-                "--above and --below ask where a quantity is so; to ask which objects are there, "
-                "give --measured LAYER, too"
-            )
-        if len(given.get("--layer") or ()) > 1:
-            raise HypermapError("--above and --below ask one layer; give --layer once")
+        is_of_objects = names or has("--near", "--within", "--inside", "--with") or by == "path"
+        _check_places(given, is_of_objects=is_of_objects)
         return
     if has("--like") and has("--nearest", "--near"):
-        raise HypermapError("--like gives the most similar: give no --nearest or --near with it")
+        raise HypermapError("--like finds the most similar objects; leave out --nearest and --near")
     if has("--embedder") and not has("--like"):
-        raise HypermapError("--embedder needs --like: what are the objects to look like?")
+        raise HypermapError("--embedder needs --like: what should the objects look like?")
     is_nearest = has("-k", "--nearest") and not has("--like")
     if is_nearest and not names and by != "path":
         raise HypermapError("the nearest what? give --name NAME")
@@ -347,7 +355,7 @@ def _row_of_object(found: FoundObject) -> Row:
 
 
 def _brief(row: Row, point: Any) -> Row:
-    """Return the row of an object as one of many things at a point."""
+    """Return the row of an object as one of many objects at a point."""
     x, y = point
     return {"layer": row["layer"], "label": row["label"], "value": row["value"], "x": x, "y": y}
 

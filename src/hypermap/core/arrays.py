@@ -70,7 +70,7 @@ def _coordinates(points: Any) -> NDArray[np.float64]:
             kind = type(item).__name__
             raise TypeError(f"points must be numbers, shape (N, 2), or shapely Points, got {kind}")
         if item.is_empty:
-            raise ValueError("points must have coordinates, there is an empty one")
+            raise ValueError("points must have coordinates; one of them is empty")
     return np.asarray(shapely.get_coordinates(shapes))
 
 

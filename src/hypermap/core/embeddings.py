@@ -83,7 +83,7 @@ class Embeddings:
     def __post_init__(self) -> None:
         rows = self.ids.shape
         if self.vectors.ndim != 2 or self.vectors.shape[:1] != rows or self.lengths.shape != rows:
-            raise ValueError("the columns of the embeddings do not fit")
+            raise ValueError("the columns of the embeddings differ in length")
         if self.vectors.dtype != np.float16 or not 0 < self.vectors.shape[1] <= MOST_NUMBERS:
             raise ValueError(f"embeddings are 1 to {MOST_NUMBERS} numbers of float16")
         if (self.ids[1:] <= self.ids[:-1]).any():

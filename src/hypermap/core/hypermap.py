@@ -43,9 +43,9 @@ class Hypermap(OutsideMethods):
     Attributes:
         frames: the transforms between the frames of the layers.
         metadata: saved with the map, such as the configuration that made it.
-        mapper_state: what mapping needs to go on with the map, which it alone understands: the
-            bytes, or a function that makes them; None for a map that mapping cannot go on with.
-        history: what has changed so far; None for a map that keeps none.
+        mapper_state: what mapping needs to continue the map, in a form that only it understands:
+            bytes, or a function that makes them; None for a map that mapping cannot continue.
+        history: the changes so far; None for a map without a history.
 
     Raises:
         HypermapError: If two layers have the same name.
@@ -112,7 +112,7 @@ class Hypermap(OutsideMethods):
 
         Raises:
             LayerNotFound: If there is none of that name.
-            HypermapError: If it is of another kind.
+            HypermapError: If it is of a different kind.
         """
         layer = self[name]
         if not isinstance(layer, kind):
@@ -189,7 +189,7 @@ class Hypermap(OutsideMethods):
         return self.with_layers(layer if place is old else place for place in self._layers.values())
 
     def with_layers(self, layers: Iterable[Layer]) -> Hypermap:
-        """Return a map of other layers, with the frames and all else that this one has.
+        """Return a map with other layers, and otherwise the contents of this one.
 
         Raises:
             HypermapError: If two layers have the same name.

@@ -132,7 +132,7 @@ class MovingFrames:
         shared = next((frame for frame in down if frame in up), None)
         if shared is None:
             raise FrameError(
-                f"frames {target!r} and {source!r} are not connected: the first hangs below "
+                f"frames {target!r} and {source!r} are not connected: the first is below "
                 f"{list(up)[-1]!r}, the second below {list(down)[-1]!r}"
             )
         return Chain((Inverse(Chain(up[shared])), Chain(down[shared])))

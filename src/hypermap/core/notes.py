@@ -36,8 +36,8 @@ class Attachment:
     """A file attached to a note.
 
     Attributes:
-        name: as people call it; never used as a path.
-        media_type: by its content, as "image/png"; "application/octet-stream" for any other.
+        name: for people; never used as a path.
+        media_type: by its content, such as "image/png"; "application/octet-stream" for all others.
         size: in bytes.
         sha256: of its content, in hexadecimal digits.
         content: its bytes, or where they are.
@@ -58,14 +58,14 @@ class Attachment:
         if not self.name:
             raise NoteError("an attached file needs a name")
         if not _SHA256.fullmatch(self.sha256) or not _MEDIA_TYPE.fullmatch(self.media_type):
-            raise ValueError(f"{self.sha256!r} or {self.media_type!r} is not what it should be")
+            raise ValueError(f"{self.sha256!r} or {self.media_type!r} is not valid")
         is_whole = isinstance(self.content, Path) or len(self.content) == self.size
         if self.size < 0 or not is_whole:
-            raise ValueError(f"the file has another size than {self.size} bytes")
+            raise ValueError(f"the size of the file is not {self.size} bytes")
 
     @property
     def kind(self) -> str:
-        """What people call it: "picture", "sound", "video" or "file"."""
+        """Its kind: "picture", "sound", "video" or "file"."""
         kinds = {"image": "picture", "audio": "sound", "video": "video"}
         return kinds.get(self.media_type.partition("/")[0], "file")
 
@@ -73,7 +73,7 @@ class Attachment:
     def is_there(self) -> bool:
         """Whether the content can be read: a file next to the map may have been left behind.
 
-        A link there is none of the map's files, whatever it leads to.
+        A link in its place does not count, whatever it leads to.
         """
         if isinstance(self.content, bytes):
             return True
@@ -92,7 +92,7 @@ class Attachment:
         """
         if isinstance(self.content, bytes):
             return io.BytesIO(self.content)
-        if not self.is_there:  # what is no regular file might never answer
+        if not self.is_there:  # what is not a regular file might never answer
             raise FileMissing(
                 f"{self.content}: the attached file {self.name!r} is missing; copy it next to the "
                 "map, from where the map was"
@@ -116,14 +116,14 @@ class Note:
         place: a point or an area, in the frame of the layer [m].
         text: in Markdown; may be empty if something is attached.
         author: who wrote it; may be empty.
-        time: what it is about or when it was written, with its zone.
+        time: when it was written, or the time that it is about, with a time zone.
         attachments: the files.
         links: addresses that begin with http:// or https://.
         id: within its layer; None before it is in one.
-        changed: when it was changed last; None if never.
+        changed: when it was last changed; None if never.
 
     Raises:
-        NoteError: If the place is no point or area, the text is larger than 1 MB, a link is
+        NoteError: If the place is not a point or area, the text is larger than 1 MB, a link is
             another kind of address, or the note says nothing at all.
 
     >>> note = Note(shapely.Point(2, 1), "# Loose tile\nDo not drive *here*.", author="Ada")
@@ -155,7 +155,7 @@ class Note:
         for link in self.links:
             _check_link(link)
         if not (self.text.strip() or self.attachments or self.links):
-            raise NoteError("a note without text, files and links says nothing")
+            raise NoteError("a note needs a text, a file or a link")
 
     @property
     def title(self) -> str:
@@ -189,7 +189,7 @@ def _check_text(text: str) -> None:
     try:
         size = len(text.encode())
     except UnicodeEncodeError:
-        raise NoteError("the text of a note has half of a character") from None
+        raise NoteError("the text of a note contains half a character") from None
     if size > MAX_TEXT_BYTES:
         raise NoteError(
             f"the text of a note has {size / 1e6:.1f} MB; at most {MAX_TEXT_BYTES / 1e6:g} MB are "

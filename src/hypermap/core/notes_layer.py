@@ -33,9 +33,9 @@ class NotesLayer(Layer):
     """Notes with places. The label of a place is the title of the note there, the value its id.
 
     A note at a point answers up to half a meter around it. Where there are several notes, those
-    at points come before areas and small areas before large ones. An id is not used again while
-    the layer exists. Each change makes a new table of notes, so that each question sees the layer
-    before or after it.
+    at points come before areas and small areas before large ones. An id is not reused while
+    the layer exists. Each change makes a new table of notes, so each query sees the layer
+    either before or after a change.
 
     Attributes:
         inside_up_to: size of the largest attached file that is kept inside a saved map [bytes];
@@ -162,7 +162,7 @@ class NotesLayer(Layer):
         with self._writing:
             number = self._next_id if note.id is None else note.id
             if number in self._notes or number < 0:
-                raise ValueError(f"there is a note {number} already, or it is no id")
+                raise ValueError(f"there is a note {number} already, or it is not an id")
             self._notes = {**self._notes, number: replace(note, id=number)}
             self._next_id = max(self._next_id, number + 1)
         return number

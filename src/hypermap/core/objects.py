@@ -39,7 +39,8 @@ class SemanticObject:
     Raises:
         ValueError: If the footprint has no points, a third or a non-finite coordinate, the id is
             out of range, or a number is not finite.
-        TypeError: If the name is no string, the footprint no polygon, or the id no integer.
+        TypeError: If the name is not a string, the footprint not a polygon, or the id not an
+            integer.
     """
 
     name: str

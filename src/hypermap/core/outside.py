@@ -122,7 +122,7 @@ class OutsideMethods:
         Args:
             question: a `Query`, JSON values of one, or a text in English.
             pose: where the asker is in the base frame: a `Pose2D`, or (x, y) [m]; None if unknown.
-            taxonomy: a file of more names of things.
+            taxonomy: a file of more names of objects.
             robot_radius: of the robot that distances by path are for [m].
             encoder: of texts that objects are to look like; None for the one that the environment
                 variable HYPERMAP_EMBEDDER names.

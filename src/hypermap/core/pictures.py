@@ -27,7 +27,7 @@ class ObjectPicture:
         sharpness: variance of the Laplacian of its gray values.
 
     Raises:
-        ValueError: If a number is not finite, or it is no JPEG file.
+        ValueError: If a number is not finite, or it is not a JPEG file.
     """
 
     jpeg: bytes

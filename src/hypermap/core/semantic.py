@@ -182,7 +182,7 @@ class SemanticLayer(Layer):
 
         Raises:
             ObjectNotFound: If there is none.
-            TypeError: If the id is no integer.
+            TypeError: If the id is not an integer.
         """
         now = self._now
         (row,) = self._rows_there(now, [object_id]).values()
@@ -283,7 +283,7 @@ class SemanticLayer(Layer):
 
         Raises:
             ObjectNotFound: If one does not exist; then nothing is changed.
-            TypeError: If an id is no integer, or the name no string; then nothing is changed.
+            TypeError: If an id is not an integer, or the name is not a string; nothing is changed.
         """
         self.update_many({number: replace(self[number], name=name) for number in _as_ids(ids)})
 
@@ -411,7 +411,7 @@ class SemanticLayer(Layer):
 
         Raises:
             ObjectNotFound: If there is no object with one of them.
-            TypeError: If one is no integer.
+            TypeError: If one is not an integer.
         """
         numbers = sorted({operator.index(number) for number in ids})
         rows = {number: now.row_of_id(number) for number in numbers}

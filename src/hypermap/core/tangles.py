@@ -59,8 +59,7 @@ def check_tangle(shape: BaseGeometry) -> None:
         > (1 + _CROSSINGS) * len(edges) + _FIRST
     ):
         raise ValueError(
-            f"an outline of {corners} corners crosses or touches itself so often that it cannot be "
-            "mended"
+            f"an outline of {corners} corners crosses or touches itself too often to be repaired"
         )
 
 

@@ -50,7 +50,7 @@ class ValueSummary:
 
 
 class ValueLayer(Layer):
-    """A quantity in each cell of a grid; NaN where nothing is known.
+    """A quantity in each cell of a grid; NaN where unknown.
 
     The value at a point is that of its cell: nothing is smoothed across a wall. A label is the
     rounded number with its unit, as "21.5 °C", or "Unknown".
@@ -60,13 +60,13 @@ class ValueLayer(Layer):
         cells: float32, shape (height, width), read-only; None while the layer is empty.
         unit: of cells, deviations and samples, as labels show it.
         decimals: how many of them labels show.
-        quantity: what was measured, as "temperature"; the layer's name where nothing is said.
+        quantity: what was measured, such as "temperature"; the layer's name by default.
         deviations: standard deviation of each cell's value, float32, (height, width), read-only.
-            None where nobody knows it.
+            None if unknown.
         stamps: when the newest sample in each cell was taken, float64, (height, width), read-only
             [s]; NaN where there was none. None without times.
-        samples: what the values were made of, in the layer's frame; None where they were not kept.
-        made_by: method and settings that made the values of the samples: text and numbers.
+        samples: the samples behind the values, in the layer's frame; None if they were not kept.
+        made_by: method and settings that computed the values from the samples: text and numbers.
 
     Raises:
         ValueError: If only one of `grid` and `cells` is given, an array has another shape, a number
@@ -122,7 +122,7 @@ class ValueLayer(Layer):
                 array.flags.writeable = False  # which copies and pickles of arrays forget
 
     def summary(self) -> str:
-        """Return what is measured, and between which values it lies."""
+        """Return the quantity and the range of its values."""
         if self.grid is None:
             return "empty"
         found = self.summary_in(self.extent())
@@ -157,9 +157,9 @@ class ValueLayer(Layer):
         return Hits(self.cells[rows, cols], self.grid.centers(rows, cols))
 
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
-        """Return the centers of the cells that hold a number, shape (M, 2).
+        """Return the centers of the cells with a label or value, shape (M, 2).
 
-        A label is that of every number that is rounded to it. A number has to be exactly the one
+        A label matches every number that is rounded to it. A number has to be exactly the one
         in the cell, to the precision of float32. `where` finds what is above or below one.
         """
         hits = self.values_in(self.extent() if area is None else area)
@@ -173,7 +173,7 @@ class ValueLayer(Layer):
     def picture(self) -> RasterPicture | None:
         """Return low values dark blue, high ones yellow, unknown ones transparent.
 
-        Where there are deviations, cells are the paler the less certain they are.
+        With deviations, less certain cells are paler.
         """
         if self.grid is None or self.cells is None:
             return None
@@ -217,7 +217,7 @@ class ValueLayer(Layer):
     ) -> ValueSummary:
         """Return mean and range of the cells whose center an area covers.
 
-        Of an area that is too small to cover any, as a chair may be, the cell at it counts.
+        If an area covers no center, as a small object may, the cell at a point inside it counts.
 
         Args:
             area: in the layer's frame [m].
@@ -368,7 +368,7 @@ def _checked(
         expected = None if grid is None else grid.shape
         raise ValueError(f"{name} must have shape {expected}, got {array.shape}")
     if np.isinf(array).any():
-        raise ValueError(f"{name} must be finite, or NaN where nothing is known")
+        raise ValueError(f"{name} must be finite, or NaN where unknown")
     array.flags.writeable = False
     return array
 

@@ -76,8 +76,8 @@ def changes_between(
     Args:
         first: the objects of the earlier map.
         second: those of the later one, in the same frame.
-        min_moved: meters; what is nearer than this has not moved.
-        is_known: for each map, whether it knows a place; None if both know all of it.
+        min_moved: minimum distance of a move [m].
+        is_known: for each map, whether it knows a place; None if both know everything.
         same_ids: whether equal ids mean the same object, as in a map and its continuation.
         names: only objects with one of these names; None for all.
 

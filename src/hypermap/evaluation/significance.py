@@ -151,8 +151,8 @@ def _exact_p(ranks: NDArray[np.float64], statistic: float) -> float:
     """Return the share of all patterns of signs whose sum of positive ranks reaches `statistic`."""
     if len(ranks) > _MOST:
         raise HypermapError(
-            f"the exact distribution is not counted for more than {_MOST} pairs, and there are "
-            f"{len(ranks)}; leave the exact test out, the normal one is as good for so many"
+            f"the exact distribution is not computed for more than {_MOST} pairs, and there are "
+            f"{len(ranks)}; leave out the exact test; the normal approximation is as good here"
         )
     doubled = np.rint(2 * ranks).astype(np.int64)  # mean ranks are halves
     share = np.ones(1)  # of the patterns so far, indexed by twice their sum

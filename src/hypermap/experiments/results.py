@@ -108,7 +108,7 @@ class WorldResult:
         """Return by how much a method is better than another, for each true object, shape (N,).
 
         An object's gain is the mean over the drives in which both maps have its class. The same
-        object is seen on all drives, so that these are no pairs of their own. Objects of which no
+        object is seen on all drives, so that these are not pairs of their own. Objects of which no
         drive compares the two are left out.
 
         Args:

@@ -126,7 +126,7 @@ def _first_grid(hypermap: Hypermap) -> OccupancyLayer:
         HypermapError: If there is none, or the name of ours is taken.
     """
     if LAYER in hypermap and not isinstance(hypermap[LAYER], OccupancyLayer):
-        raise HypermapError(f"layer {LAYER!r} is no occupancy layer; rename it")
+        raise HypermapError(f"layer {LAYER!r} is not an occupancy layer; rename it")
     for layer in hypermap:
         if isinstance(layer, OccupancyLayer) and layer.name != LAYER and layer.cells is not None:
             return layer

@@ -118,7 +118,7 @@ class Processes:
             worker.end()
         for thread in self._threads:
             thread.join()
-        for worker in self._workers:  # one that was begun anew meanwhile
+        for worker in self._workers:  # one that was restarted meanwhile
             worker.end()
 
     def _serve(self, worker: _Worker) -> None:

@@ -49,5 +49,5 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
         if isinstance(document, dict) and "image" in document:
             return Hypermap([load_occupancy(path, frame_id=frame)])
     if frame_id is not None:
-        raise HypermapError(f"{path}: a whole map says its frames itself; leave --frame out")
+        raise HypermapError(f"{path}: a whole map names its own frames; leave out --frame")
     return open_map(path)

@@ -118,7 +118,7 @@ def unpacked_shapes(name: str, arrays: Mapping[str, NDArray[Any]]) -> ObjectArra
     """
     wkb, lengths = arrays[f"{name}.wkb"].tobytes(), arrays[f"{name}.lengths"]
     if (lengths < 0).any() or lengths.sum() != len(wkb):
-        raise ValueError(f"the lengths of {name} do not fit")
+        raise ValueError(f"the lengths of {name} do not match the data")
     ends = np.cumsum(lengths).tolist()
     bare = [wkb[end - n : end] for end, n in zip(ends, lengths.tolist(), strict=True)]
     shapes = np.empty(len(bare), dtype=object)
@@ -126,5 +126,5 @@ def unpacked_shapes(name: str, arrays: Mapping[str, NDArray[Any]]) -> ObjectArra
     kinds = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
     points = arrays[f"{name}.points"].T
     if not (np.isin(shapely.get_type_id(shapes), kinds).all() and np.isfinite(points).all()):
-        raise ValueError(f"{name} are no polygons")
+        raise ValueError(f"{name} are not polygons")
     return np.asarray(shapely.set_coordinates(shapes, points))

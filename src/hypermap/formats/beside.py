@@ -55,7 +55,7 @@ def put_beside(folder: Path, files: Iterable[Attachment]) -> None:
         try:
             folder.mkdir(exist_ok=True)
         except OSError as error:
-            raise HypermapError(f"{folder}: cannot be made: {error.strerror}") from error
+            raise HypermapError(f"{folder}: cannot be created: {error.strerror}") from error
         copy_to(target, each)
 
 
@@ -113,7 +113,7 @@ def export_files(notes: Iterable[Note], folder: Path) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise HypermapError(f"{folder}: cannot be made: {error.strerror}") from error
+        raise HypermapError(f"{folder}: cannot be created: {error.strerror}") from error
     written: list[Path] = []
     for note in notes:
         for name, each in zip(_names(note), note.attachments, strict=True):
@@ -125,7 +125,7 @@ def export_files(notes: Iterable[Note], folder: Path) -> list[Path]:
                 copy_to(target, each)
             elif not _holds(target, each):
                 raise HypermapError(
-                    f"{target}: is there already with another content; export to another folder"
+                    f"{target}: already exists with different content; export to another folder"
                 )
             written.append(target)
     return written

@@ -187,7 +187,7 @@ def _parsed(row: Mapping[str, Any]) -> Change:
         _object(row[key], row["id"]) if key in row else None for key in ("before", "after")
     )
     if before is None and after is None:
-        raise ValueError("neither an object before nor after")
+        raise ValueError("there is no object before or after the change")
     return Change(
         row["what"],
         str(row["layer"]),
@@ -202,7 +202,7 @@ def _number(value: Any) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not math.isfinite(number := float(value)):
-        raise ValueError(f"{value!r} is no number")
+        raise ValueError(f"{value!r} is not a number")
     return number
 
 

@@ -105,8 +105,8 @@ def complete_saves(folder: Path) -> None:
         journal.path.unlink(missing_ok=True)
     except OSError as error:
         raise HypermapError(
-            f"{folder}: a save was cut off here, and cannot be completed ({error.strerror}): open "
-            "the map once where you may write in this folder"
+            f"{folder}: a save was interrupted here, and cannot be completed ({error.strerror}): "
+            "open the map once with permission to write in this folder"
         ) from error
 
 
@@ -138,7 +138,7 @@ def read_as_saved(path: Path, read: Callable[[], T]) -> T:
             continue
         if not os.path.lexists(journal) and _look_at(path) == before:
             return value
-    raise HypermapError(f"{path}: is saved again and again while it is read; try again later")
+    raise HypermapError(f"{path}: is being saved continuously; try again later")
 
 
 def flush_folder(folder: Path) -> None:

@@ -186,7 +186,7 @@ class _Reader:
     def _place_beside(self, name: str) -> Path:
         """Return the folder of large files, which is next to the map and nowhere else."""
         if "/" in name or "\\" in name or name in ("", ".", "..") or not name.isprintable():
-            raise FormatError(f"{name!r} is no folder next to the map", path=self._path)
+            raise FormatError(f"{name!r} is not a folder next to the map", path=self._path)
         return (self._store.folder or Path()).absolute() / name
 
     def _shape(self, raw: Mapping[str, Any], key: str) -> BaseGeometry:
@@ -244,7 +244,7 @@ def _inside(layer: NotesLayer, notes: list[Note], may_be_beside: bool) -> set[st
     if total > limits.MAX_ATTACHED_INSIDE:
         raise NoteError(
             f"layer {layer.name!r}: the attached files have {total / 1e6:.0f} MB; only a map in a "
-            f"file, next to which large ones can lie, may have more than "
+            f"file, which keeps large files next to it, can have more than "
             f"{limits.MAX_ATTACHED_INSIDE / 1e6:.0f} MB"
         )
     return inside

@@ -152,7 +152,7 @@ def _plain_scalar(value: Any, place: str) -> Any:
         return float(value)
     if isinstance(value, PurePath):
         return str(value)
-    raise TypeError(f"{place} cannot be saved: YAML has no {type(value).__name__}")
+    raise TypeError(f"{place} cannot be saved: YAML cannot store the type {type(value).__name__}")
 
 
 class _PlainDumper(_Dumper):  # type: ignore[misc]  # which of two classes is known only here
@@ -265,7 +265,7 @@ def _scalar_value(text: str, tag: str) -> Any:
         return text
     try:
         if tag == f"{_TAG}int" and len(text) > limits.MAX_INTEGER_LETTERS:
-            raise ValueError("too long to be written again")
+            raise ValueError("too long to write back")
         return _SCALARS[tag](yaml.ScalarNode(tag, text))
     except (ValueError, OverflowError, LookupError, AttributeError, yaml.YAMLError):
         raise ValueError(f"{text[:40]!r} is not a valid {tag.removeprefix(_TAG)}") from None

@@ -47,7 +47,7 @@ def in_force(hypermap: Hypermap, now: float) -> Hypermap:
     """Return a map without the objects that have expired; the same map if there are none.
 
     Args:
-        hypermap: stays as it is.
+        hypermap: is unchanged.
         now: in seconds since 1970.
     """
     for layer in hypermap:

@@ -55,7 +55,7 @@ def grown(hypermap: Hypermap, now: float) -> Hypermap:
     Its version counts up if that has not been done already.
 
     Args:
-        hypermap: stays as it is. If it keeps no history, it is returned.
+        hypermap: is unchanged. If it keeps no history, it is returned.
         now: the time of edits, in seconds since 1970.
     """
     history = hypermap.history

@@ -25,7 +25,7 @@ def as_of(hypermap: Hypermap, moment: datetime | str | float) -> Hypermap:
 
     Raises:
         HypermapError: If the map keeps no history, or it does not reach back so far.
-        ValueError: If the text is no time.
+        ValueError: If the text is not a time.
     """
     stamp = _stamp(moment)
     past = _before(hypermap, lambda time, _: time > stamp, f"at {_said(stamp)}")
@@ -45,7 +45,7 @@ def _before(hypermap: Hypermap, is_later: Callable[[float, Revision], bool], whe
     """Return a map before its later revisions."""
     dated = [] if hypermap.history is None else list(hypermap.history.dated())
     if not dated:
-        raise HypermapError("the map keeps no history, so only its present is known")
+        raise HypermapError("the map keeps no history, so only the present is known")
     undone = [revision for time, revision in dated if is_later(time, revision)]
     if len(undone) == len(dated):
         began, first = dated[0]

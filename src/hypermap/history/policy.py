@@ -20,8 +20,8 @@ class HistoryPolicy:
     """How much of its history a map keeps; what is older is dropped, the oldest first.
 
     Attributes:
-        keep: for how long, counted from the newest change: a number with h, d or w.
-        max_mb: how many megabytes of it, as text, before the archive packs it.
+        keep: how long before the newest change: a number with h, d or w.
+        max_mb: maximum size in megabytes, as text, before compression.
     """
 
     keep: str = "90d"
@@ -42,7 +42,7 @@ class HistoryPolicy:
 
     @classmethod
     def of(cls, metadata: Mapping[str, Any]) -> HistoryPolicy:
-        """Return the policy in a map's metadata, with defaults for what it does not say.
+        """Return the policy in a map's metadata, with defaults for missing keys.
 
         Raises:
             HypermapError: If it says something else.

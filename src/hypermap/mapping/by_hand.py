@@ -139,7 +139,7 @@ def from_record(record: Mapping[str, Any]) -> HandEdit:
     shape = shapely.from_wkb(record["shape"]) if record.get("shape") else None
     if "drawn" in record:
         if shape is None:
-            raise ValueError("what was drawn has no shape")
+            raise ValueError("a drawn object has no shape")
         return HandEdit(drawn=object_from_record(record["drawn"], shape))
     tags = record["tags"]
     edit = HandEdit(

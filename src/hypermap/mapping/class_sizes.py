@@ -1,7 +1,7 @@
 """Plausible sizes of each class: a detection of another size is a false positive.
 
 Source: Hoiem, Efros, Hebert, "Putting objects in perspective", CVPR 2006, weigh detections by how
-probable the size of the thing is. A depth image measures it, so wide limits do here.
+probable the size of the object is. A depth image measures it, so wide limits do here.
 """
 
 from __future__ import annotations

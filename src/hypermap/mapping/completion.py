@@ -24,7 +24,7 @@ from hypermap.core.occupancy import FREE, OccupancyLayer
 FreeShare = Callable[[BaseGeometry], float]
 """Returns how much of an area on the floor is known to be free, 0..1."""
 
-# Usual minimum depth of bulky things, from front to back [m]. Low and small ones need none, as the
+# Usual minimum depth of bulky objects, from front to back [m]. Low and small ones need none, as the
 # camera also sees their top: completion makes the shape of a cup worse.
 CLASS_DEPTHS: Mapping[str, float] = MappingProxyType(
     {

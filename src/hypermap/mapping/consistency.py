@@ -1,4 +1,4 @@
-"""Whether depth images and poses agree: images must show the same things in the same place.
+"""Whether depth images and poses agree: images must show the same surface in the same place.
 
 Points of one depth image are moved into another by the poses of both. Where the poses are right,
 the other image has the same depth there. If it has so only with the poses of a moment later, the
@@ -53,7 +53,7 @@ class Fit:
     Attributes:
         value: seconds, or a factor.
         is_sure: whether they agree clearly better than as recorded.
-        moves: by how much things in the map are off for it [m].
+        moves: by how much objects in the map are off for it [m].
     """
 
     value: float
@@ -153,7 +153,7 @@ class Consistency:
             others: `map_T_camera` of frames by their stamps, shape (4, 4).
 
         Returns:
-            The mean gain over its standard error; None if too few images show the same things.
+            The mean gain over its standard error; None if too few images show the same objects.
         """
         views = [view for view in self._views if view.stamp in others]
         if len(views) < _FEWEST_VIEWS:
@@ -214,7 +214,7 @@ class Consistency:
 def _pairs(
     views: list[_View], key: Callable[[IntArray, IntArray], NDArray[np.float64]]
 ) -> tuple[IntArray, IntArray]:
-    """Return the pairs of views with the largest keys of those that look at the same things."""
+    """Return the pairs of views with the largest keys of those that look at the same objects."""
     poses = np.array([view.map_T_camera for view in views])
     i, j = np.nonzero(~np.eye(len(views), dtype=bool))
     same_way = np.sum(poses[i, :3, 2] * poses[j, :3, 2], axis=1) > _OVERLAP

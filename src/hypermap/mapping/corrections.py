@@ -17,7 +17,7 @@ NO_MATCHES = "no frames could be matched: they are too few, or show too few upri
 NO_MORE_AGREEMENT = "depth images do not agree better with each other after correction"
 UNCHANGED = "the pose fits as it is"
 
-_LEAST = 1e-6  # meters or radians; less is no correction
+_LEAST = 1e-6  # meters or radians; anything less is not a correction
 
 
 class Corrections:

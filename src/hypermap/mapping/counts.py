@@ -11,7 +11,7 @@ class Counts:
 
     Attributes:
         used: mapped frames.
-        skipped: frames that are no keyframes, because the camera had hardly moved.
+        skipped: frames that are not keyframes, because the camera had hardly moved.
         unusable: frames that cannot be read, have no depth or no valid pose, or for which the
             source of detections failed.
         repeated: frames that the map already contains, from an earlier drive.

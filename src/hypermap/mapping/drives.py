@@ -119,7 +119,7 @@ def unpacked(facts: list[dict[str, Any]], keys: NDArray[np.uint32]) -> tuple[Dri
     """Return the drives of `packed`; raises KeyError or ValueError for anything else."""
     counts = [int(one["frames"]) for one in facts]
     if min(counts, default=0) < 0 or sum(counts) != len(keys):
-        raise ValueError("the keys of the frames do not fit the drives")
+        raise ValueError("the keys of the frames do not match the drives")
     ends = np.cumsum([0, *counts])
     return tuple(
         Drive(str(one["name"]), float(one["first"]), float(one["last"]), keys[a:b].tolist())

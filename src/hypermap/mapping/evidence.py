@@ -52,7 +52,7 @@ class EvidenceMap:
 
     Attributes:
         config: how all of this is done.
-        ignored: how many observed shapes were left out because they are no areas.
+        ignored: how many observed shapes were left out because they are not areas.
         shown: the objects of the last frame, each with the id of its track.
         is_free: tells how much of an area is known to be free, where no published shape grows;
             None for nothing.

@@ -151,7 +151,7 @@ def unpacked_frame(content: bytes, path: str) -> LoggedFrame:
         path: how messages name the file that it is from.
 
     Raises:
-        FormatError: If it holds none, or is of a later version.
+        FormatError: If it has none, or is of a later version.
     """
     try:
         unpack = zlib.decompressobj()
@@ -367,7 +367,7 @@ def unpacked_log(arrays: _Arrays, befores: Sequence[MapBefore]) -> tuple[LogPart
     begins = [0, *ends[:-1]]
     stamps, poses = arrays["log.stamps"].tolist(), list(arrays["log.poses"].reshape(-1, 4, 4))
     if not (ends[-1] if ends else 0) == len(frames) == len(stamps) == len(poses):
-        raise ValueError("the log of frames does not fit its poses")
+        raise ValueError("the log of frames does not match its poses")
     return tuple(
         LogPart(before, stamps[begin:end], frames[begin:end], poses[begin:end])
         for before, begin, end in zip(befores, begins, ends, strict=True)
@@ -384,6 +384,6 @@ def _lengths(pieces: Sequence[Sized]) -> NDArray[np.int64]:
 
 def _parted(joined: NDArray[np.uint8], lengths: NDArray[np.int64]) -> list[bytes]:
     if (lengths < 0).any() or lengths.sum() != len(joined):
-        raise ValueError("the lengths of the log of frames do not fit")
+        raise ValueError("the lengths of the log of frames do not match the data")
     content, ends = joined.tobytes(), np.cumsum(lengths).tolist()
     return [content[end - n : end] for end, n in zip(ends, lengths.tolist(), strict=True)]

@@ -48,8 +48,8 @@ def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None)
         _check_same(config, asked)
     if hypermap.mapper_state is None:
         raise CannotGoOn(
-            "the state of the mapper is not in the map, as after --drop-evidence; map all "
-            "recordings again"
+            "the state of the mapper is not in the map, for example after --drop-evidence; "
+            "map all recordings again"
         )
     return config
 
@@ -61,8 +61,8 @@ def _check_same(config: MappingConfig, asked: MappingConfig) -> None:
             if now[stage][key] != value:
                 raise CannotGoOn(
                     f"the map was made with {stage}: {key}: {value}, not {now[stage][key]}; "
-                    "mapping continues with the map's configuration: give no other one "
-                    "(--profile, --config, --score), or make a new map"
+                    "mapping continues with the map's configuration: leave out "
+                    "--profile, --config and --score, or make a new map"
                 )
 
 
@@ -99,7 +99,7 @@ def edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:
         before = {track.id: track.by_hand for track in state.tracks.objects if track.by_hand}
         return hand_edits(state.published, layer, before)
     if state.published:
-        raise CannotGoOn("its layer 'semantic' of objects is gone; was it renamed or removed?")
+        raise CannotGoOn("its semantic layer is missing; was it renamed or removed?")
     return {}
 
 

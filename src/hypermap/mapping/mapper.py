@@ -156,7 +156,7 @@ class Mapper:
         out. Other layers of the map, its transforms and its metadata stay.
 
         Args:
-            hypermap: a map that mapping has made; it stays as it is.
+            hypermap: a map that mapping has made; it is unchanged.
             source: says what a frame shows; None leaves the objects as they are.
             config: must be that of the map; None takes it from there.
             drive: name of what the frames come from.

@@ -125,7 +125,7 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
         path: how messages name the file.
 
     Raises:
-        FormatError: If it holds none, or is of a later version.
+        FormatError: If it has none, or is of a later version.
     """
     file = parse_arrays(content, FORMAT, VERSION, path)
     facts, arrays = file.facts, file.arrays

@@ -39,7 +39,7 @@ _NEAR = 0.25  # [m]
 _BESIDE = 0.2  # [m] between the old place and one that it is moved to without a look between
 _SAME_HEIGHT = 0.85  # of the higher of two objects, that the other must have
 _LEAST = 0.2  # [m] between centroids that are a move within an object's place
-_PER_AREA = 0.4  # [m] per square meter: of large things, a drive may see but one side
+_PER_AREA = 0.4  # [m] per square meter: of large objects, a drive may see but one side
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def moved_within_place(
     another place, and have seen the floor where the object was. There must be 4 pieces of it.
 
     Args:
-        buffer: the evidence for an object; stays as it is.
+        buffer: the evidence for an object; is unchanged.
         fuse: makes a shape of evidence.
         config: how.
 

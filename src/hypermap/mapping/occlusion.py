@@ -67,7 +67,7 @@ def visible_shares(
 
     Sample points of each object are looked up in the depth image. A ray that ended before the
     object shows nothing of it; one that ended behind it went through the place where it should be.
-    Of things too small or too far away to be found nothing is seen.
+    Of objects too small or too far away to be found nothing is seen.
 
     Args:
         view: where the frame's rays ended.

@@ -22,7 +22,7 @@ def protected(
 
     An object drawn by hand gets a track, so that its evidence makes no second object there. Its id
     may belong to another track: if that was not published, it is replaced; if it was deleted by
-    hand, it gets a new id, unless the drawn object is the same thing again.
+    hand, it gets a new id, unless the drawn object is the same object again.
 
     Args:
         tracks: of mapping.

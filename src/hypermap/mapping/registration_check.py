@@ -1,6 +1,6 @@
 """Whether depth is registered to color: depth edges should be color edges.
 
-Depth jumps at the outlines of things, and color mostly changes there. Where the two images are
+Depth jumps at the outlines of objects, and color mostly changes there. Where the two images are
 registered, the jumps lie on edges of color. Where they come from two cameras, they do only after
 they were moved into the color camera: so the images tell how that one is mounted.
 """

@@ -1,7 +1,7 @@
 """Shrinkage: how much of a correction to apply, judged by the corrections so far.
 
 Measurements have errors of their own. Where the given values are exact, corrections consist of
-those errors alone, and each one makes things worse. Where corrections are much larger than such
+those errors alone, and each one makes objects worse. Where corrections are much larger than such
 errors, nearly all of a correction is right. In between, so is the best share.
 
 Source: James and Stein (1961) shrink an estimate toward a given value by a sum of squares; here it

@@ -75,7 +75,7 @@ class EvidenceConfig:
     """How observed shapes become objects; see `EvidenceMap`.
 
     Attributes:
-        class_sizes: "usual" leaves out what is smaller or larger than things of its class are;
+        class_sizes: "usual" leaves out what is smaller or larger than objects of its class are;
             "any" does not.
         association: how to find the tracks that an observed shape belongs to: "overlap", "jaccard"
             or "radius".

@@ -95,9 +95,9 @@ def table_prefix(number: int) -> str:
 
 
 def _together(lists: Sequence[Sequence[T]]) -> tuple[list[T], list[list[int]]]:
-    """Return all things of some lists, all of the first one first, and their rows.
+    """Return all objects of some lists, all of the first one first, and their rows.
 
-    Of the other lists, things that are there already are not added again.
+    Of the other lists, objects that are there already are not added again.
     """
     things = list(lists[0])
     rows = {id(thing): row for row, thing in enumerate(things)}
@@ -222,7 +222,7 @@ def _unpacked_evidence(arrays: _Arrays) -> list[Evidence]:
     if any(column.shape != (len(footprints),) for column in columns):
         raise ValueError("the columns of the observations differ in length")
     if columns[0].size and columns[0].min() < 0:
-        raise ValueError("an observation is of no view")
+        raise ValueError("an observation has no view")
     values = zip(*(column.tolist() for column in columns), strict=True)
     for i, (view, score, z_min, z_max) in enumerate(values):
         item = Evidence(
@@ -251,13 +251,13 @@ def _table(
     tracks = TrackTable(config.max_existence)
     ids = arrays["id"].tolist()
     if any(one >= next_one for one, next_one in pairwise(ids)):
-        raise ValueError("the ids of the tracks do not rise")
+        raise ValueError("the ids of the tracks do not increase")
     co_occurrences: dict[int, Counter[int]] = {number: Counter() for number in ids}
     for number, other, count in arrays["co_occurrences"].tolist():
         co_occurrences[number][other] = count
     ends = np.cumsum(arrays["kept"]).tolist()
     if (arrays["kept"] < 0).any() or (ends[-1] if ends else 0) != len(items):
-        raise ValueError("the observations do not fit the tracks")
+        raise ValueError("the observations do not match the tracks")
     columns = (ids, facts["names"], shapes, *(arrays[name].tolist() for name in _COLUMNS))
     moved, gone_since = (_numbers(ids, facts.get(key, ())) for key in ("moved", "gone_since"))
     begin = 0

@@ -1,4 +1,4 @@
-"""Notes and media at places: make them, attach files to them, find them on a map."""
+"""Notes with attachments at places on a map: make them, attach files, find them."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -64,7 +64,7 @@ def claimed_kind(name: str) -> str | None:
 
 
 def described(head: bytes) -> str:
-    """Return what the first bytes of a file that is no picture, sound or video look like."""
+    """Return what the first bytes of a file that is not a picture, sound or video look like."""
     start = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
     for mark, name in _MARKUP.items():
         if start.startswith(mark):

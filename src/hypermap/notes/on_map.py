@@ -25,9 +25,9 @@ class FoundNote:
     """A note that was found.
 
     Attributes:
-        layer: name of the layer that holds it.
+        layer: name of its layer.
         note: with its place in the base frame.
-        distance: from its place to the point that was asked for [m]; None without one.
+        distance: from its place to the point of the query [m]; None without one.
     """
 
     layer: str
@@ -67,7 +67,7 @@ def find_notes(
 
     Raises:
         LayerNotFound, FrameError: If the layer or the frame is unknown.
-        HypermapError: If the layer is of another kind.
+        HypermapError: If the layer is of a different kind.
     """
     base = hypermap.base_frame
     base_T_asked = hypermap.frames.lookup(base, frame_id or base)
@@ -92,7 +92,7 @@ def notes_layer(hypermap: Hypermap, name: str | None = None) -> NotesLayer:
 
     Raises:
         LayerNotFound: If there is none of that name.
-        HypermapError: If it is of another kind, or the map has none, or several without a name.
+        HypermapError: If it is of a different kind, or the map has none, or several without a name.
     """
     if name is not None:
         return hypermap.layer(name, NotesLayer)
@@ -120,7 +120,7 @@ def add_note(
 
     Raises:
         FrameError: If the frame is unknown.
-        HypermapError: If the layer is of another kind, or there are several and none is named.
+        HypermapError: If the layer is of a different kind, or there are several and none is named.
     """
     base = hypermap.base_frame
     base_T_asked = hypermap.frames.lookup(base, frame_id or base)
@@ -136,7 +136,7 @@ def layer_to_add_to(hypermap: Hypermap, name: str | None = None) -> NotesLayer:
     """Return the layer of that name, or the only one; where there is none, it is made.
 
     Raises:
-        HypermapError: If the layer is of another kind, or there are several and none is named.
+        HypermapError: If the layer is of a different kind, or there are several and none is named.
     """
     has_none = not any(isinstance(layer, NotesLayer) for layer in hypermap)
     if (has_none and name is None) or (name is not None and name not in hypermap):

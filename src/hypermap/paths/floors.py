@@ -37,11 +37,11 @@ class Connector:
 
     Attributes:
         kind: "lift", "stairs", or another word.
-        at_xy: the place on the map that holds it, in its base frame [m].
-        to: file of the other map, from the folder of the one that holds it.
+        at_xy: its position on the map that contains it, in the base frame [m].
+        to: file of the other map, relative to the folder of the one that contains it.
         there_xy: the place on the other map, in its base frame [m].
-        name: as people call it; may be empty.
-        length: how many meters of a path it counts for.
+        name: its name; may be empty.
+        length: meters that it adds to a path.
 
     Raises:
         ValueError: If a number is not finite, or the length is negative.
@@ -124,10 +124,10 @@ class FloorPath:
     """A path over floors.
 
     Attributes:
-        parts: one for each floor that it comes to, in order.
-        connectors: the lifts and stairs between them, each as the map names it that holds it.
-        length: of all parts, and what lifts and stairs count for [m].
-        approach: where it leads to an object; None where it leads elsewhere.
+        parts: one for each floor on the way, in order.
+        connectors: the lifts and stairs between them, with the names in the maps that contain them.
+        length: of all parts, and the lengths that lifts and stairs add [m].
+        approach: where the robot stands in front of the object; None if the goal is not an object.
     """
 
     parts: tuple[FloorPart, ...]
@@ -149,9 +149,9 @@ class Building:
     """Plans paths over maps that lifts and stairs connect.
 
     Args:
-        maps: by their files; those that no map here names are no goals of connectors.
+        maps: by file; connectors lead only to maps that are listed here.
         settings: the robot; None for a point.
-        keepout: zones around objects that the robot's center stays out of.
+        keepout: zones around objects that the robot's center must not enter.
         occupancy: name of the layer; None for the only one of each map.
 
     Raises:

@@ -35,7 +35,7 @@ class FreeSpace:
         grid: where the cells lie.
         cost: of a meter in each cell, 1 or more; infinite where the robot cannot be: float32, shape
             (height, width).
-        occupied: which cells are, without regard to the robot, of the same shape.
+        occupied: the occupied cells, regardless of the robot, of the same shape.
         unknown: which cells are unknown.
         kept_out: which cells lie in a keepout zone; None for none.
         settings: of the robot.
@@ -100,13 +100,13 @@ class FreeSpace:
         return strips_of(self.free)
 
     def place(self, point_xy: PointsLike, what: str) -> tuple[tuple[float, float], int]:
-        """Return a point as (x, y) in cells, and the number of a free cell that it is in.
+        """Return a point as (x, y) in cells, and the number of the free cell that contains it.
 
-        On the border of cells it is in any of them.
+        A point on the border of several cells is in any of them.
 
         Args:
             point_xy: in the frame of the grid [m].
-            what: what the point is called if it is refused, as "the start".
+            what: the name of the point in error messages, such as "the start".
 
         Raises:
             HypermapError: If none is free; it names the cell and the nearest free one.
@@ -121,7 +121,7 @@ class FreeSpace:
         raise HypermapError(self._refusal(point, int(np.floor(y)), int(np.floor(x)), what))
 
     def nearest_place(self, point_xy: PointsLike, within: float) -> NDArray[np.float64] | None:
-        """Return the nearest center of a free cell [m], shape (2,); None if none is so near [m]."""
+        """Return the nearest center of a free cell [m], shape (2,); None if none is that near."""
         point = as_point_xy(point_xy)
         around = self.grid.window_in(shapely.Point(point).buffer(within))
         rows, cols = around.cells(around.positions(self.free[around.slices]))
@@ -141,8 +141,8 @@ class FreeSpace:
 
         Args:
             area: in the frame of the grid.
-            middle_xy: its middle [m]; None for where its outline is farthest.
-            preferred: cells that are taken if one of them is free, of the grid's shape.
+            middle_xy: its middle [m]; None for the point farthest from its outline.
+            preferred: cells to use if one of them is free, of the grid's shape.
 
         Returns:
             Its center [m], shape (2,); None if no cell of the area is free.

@@ -14,9 +14,9 @@ class Heap(NamedTuple):
     """A priority queue, lowest key first.
 
     Attributes:
-        items: the things in the heap, int32, shape (N,).
-        places: where in `items` each thing is; -1 where it is not.
-        keys: of each thing, float64.
+        items: the items in the heap, int32, shape (N,).
+        places: where in `items` each item is; -1 if it is not there.
+        keys: of each item, float64.
         size: how many wait, int64, shape (1,).
     """
 

@@ -74,7 +74,7 @@ class Approach:
 
 
 class Planner:
-    """Plans paths over a map for a robot; what that takes is prepared once.
+    """Plans paths over a map for a robot; shared data are prepared once.
 
     Attributes:
         space: where the robot can be, in the base frame.
@@ -117,8 +117,8 @@ class Planner:
     def path(self, start: Place, goal: Place) -> Path:
         """Return the shortest path between two places, or the cheapest, by the settings.
 
-        An object is a place from where it is seen; to one as the goal the path leads to where a
-        robot can stand in front of it (`approach`). A room's place is its middle.
+        A path starts from where an object is in sight. To an object, it leads to where the robot
+        can stand in front of it (`approach`). The place of a room is its middle.
 
         Raises:
             NoPath: If none leads there.
@@ -156,7 +156,7 @@ class Planner:
             what: which objects; None for all.
             start: from where.
             k: how many at most; None for all.
-            layer: the one that holds them; None for all but that of the rooms.
+            layer: the one that contains them; None for all but the layer of rooms.
 
         Raises:
             HypermapError: If there is no such place, or the robot cannot be there.
@@ -171,7 +171,7 @@ class Planner:
     def by_path(self, objects: Iterable[FoundObject], start: Place) -> list[FoundObject]:
         """Return objects with the lengths of the shortest paths to them, nearest first.
 
-        Those to which none leads are left out; raises like `nearest`.
+        Unreachable objects are left out; raises like `nearest`.
         """
         meters = self.distances(start).meters.ravel()
         found = []
@@ -189,9 +189,10 @@ class Planner:
         """Return where a robot can stand, facing an object that no wall hides.
 
         Args:
-            what: an object's id, its name, or both as "cup 3".
+            what: an object's id, its name, or both, such as "cup 3".
             distance: from the robot's center to the object's shape [m].
-            start: from where the path there is to be the shortest; None for where walls are far.
+            start: choose the place with the shortest path from here; None to prefer distance from
+                walls.
 
         Raises:
             NoPath: If it cannot be reached; it says why.

@@ -25,10 +25,10 @@ class RouteGraph:
     Attributes:
         frame_id: of all points.
         points_xy: of the nodes [m], shape (N, 2).
-        stops: the room whose middle a node is, or the door; None for a turn on the way.
+        stops: the room or door at each node; None for a turn on the way.
         edges: the nodes at both ends, the lower one first, int64, shape (M, 2).
         rooms: the room that each edge lies in.
-        too_narrow: the doors that the robot does not fit through; they have no node.
+        too_narrow: the doors that are too narrow for the robot; they have no node.
     """
 
     frame_id: str
@@ -49,8 +49,8 @@ class RouteGraph:
 def route_graph(planner: Planner) -> RouteGraph:
     """Return the route graph of a map with rooms, for the robot of a planner.
 
-    In each room, shortest paths lead from its middle to its doors and from door to door. Where
-    they turn are nodes, so that edges are straight. A room without a free place has no node.
+    In each room, shortest paths lead from its middle to its doors and from door to door. Their
+    turns are nodes, so edges are straight. A room without a free place has no node.
 
     Raises:
         HypermapError: If the map has no rooms.

@@ -14,8 +14,8 @@ class PathSettings:
     """The robot, and the cost near walls.
 
     Attributes:
-        robot_radius: its center keeps so far from the centers of blocked cells [m].
-        inflation_radius: up to this distance from walls a path costs more [m]; 0 for the shortest
+        robot_radius: minimum distance of its center from the centers of blocked cells [m].
+        inflation_radius: a path costs more within this distance from walls [m]; 0 for the shortest
             path. Nav2's default is 0.55.
         cost_scaling: how fast that cost falls with the distance from the robot's radius [1/m].
         unknown_is_free: whether the robot drives over unknown cells.

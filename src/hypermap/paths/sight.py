@@ -1,4 +1,4 @@
-"""From where an object is seen: free places around it, with nothing but things between."""
+"""From where an object is seen: free places around it, with nothing but objects between."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def observe(
         if shape.is_empty:
             continue
         z_min, z_max = float(points_near[:, 2].min()), float(points_near[:, 2].max())
-        if abs(z_max) < config.min_top:  # far below z = 0 is no floor: this map has it elsewhere
+        if abs(z_max) < config.min_top:  # far below z = 0: the floor of this map is elsewhere
             continue
         objects.append(
             ObservedObject(

@@ -45,18 +45,18 @@ from hypermap.values import value_layer_called
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a map says to a query.
+    """The answer of a map to a query.
 
     Attributes:
-        query: that.
+        query: the query.
         found: the objects that meet its conditions, in the base frame; with distances where the
             query measures any, nearest first.
-        rooms: those asked for, for "room" in the order of `found`; None where one is in no room.
+        rooms: the requested rooms; for "room" in the order of `found`, None for an object in none.
         counts: of the objects in each of `rooms`, for a query with `per`.
-        cells: what layers without objects say, for "labels" and "places".
-        similarities: for each object the cosine with the text that it is to look like.
-        measured: for each object the values around it, where the query asks for them.
-        notes: what is to be said next to it, such as that there is no object of a name.
+        cells: the labels of layers without objects, for "labels" and "places".
+        similarities: for each object, the cosine with the text of `like`.
+        measured: for each object, the values around it, if the query asks for them.
+        notes: remarks, such as that there is no object of a name.
     """
 
     query: Query
@@ -105,17 +105,17 @@ def ask(
 ) -> Answer:
     """Return the answer of a map to a query.
 
-    Objects that have expired are no answer.
+    Expired objects are ignored.
 
     Args:
         hypermap: the map.
         query: the question.
-        asker: where the asker is, and where he or she looks, in the base frame.
-        taxonomy: names and kinds of things; None for ours.
+        asker: position and heading of the person who asks, in the base frame.
+        taxonomy: names and kinds of objects; None for ours.
         robot_radius: of the robot that distances by path are for [m].
         now: the time by which objects expire, in seconds since 1970; None for the present.
-        encoder: of the texts that objects are to look like; None for the one that the environment
-            variable HYPERMAP_EMBEDDER names.
+        encoder: for the text of `like`; None for the one that the environment variable
+            HYPERMAP_EMBEDDER names.
 
     Raises:
         HypermapError: If the query needs to know where the asker is, asks for rooms of a map that
@@ -132,7 +132,7 @@ def ask(
         hypermap = in_force(hypermap, time.time() if now is None else now)
     else:
         if query.measured is not None:
-            raise HypermapError("measured values are known as they are now, not as of a time")
+            raise HypermapError("measured values are known only as they are now, not as of a time")
         hypermap = as_of(hypermap, query.as_of)
     finder = Finder(hypermap, query.exact, asker, taxonomy or load_taxonomy(), robot_radius)
     return _Asking(hypermap, query, finder, encoder).answer()
@@ -208,9 +208,7 @@ class _Asking:
         named = [hypermap[name] for name in dict.fromkeys(query.layers)]
         for layer in named:
             if query.give not in ("labels", "places") and not isinstance(layer, SemanticLayer):
-                raise HypermapError(
-                    f"the question asks for objects; layer {layer.name!r} holds none"
-                )
+                raise HypermapError(f"the question asks for objects; layer {layer.name!r} has none")
         return named
 
     def _cells(self, layers: Sequence[Layer], found: Matches) -> list[Cell]:

@@ -48,7 +48,7 @@ def answer_to(
         hypermap: the map.
         question: the text.
         asker: where the asker is, in the base frame.
-        taxonomy: a file of more names of things.
+        taxonomy: a file of more names of objects.
         robot_radius: of the robot that distances by path are for [m].
         model: reads what the grammar cannot; None for none.
         encoder: as `ask` takes it.
@@ -99,7 +99,7 @@ def ask_map(
         hypermap: the map.
         question: a query, JSON values of one, or a text in English.
         pose: where the asker is in the base frame: a pose, or (x, y) [m]; None if unknown.
-        taxonomy: a file of more names of things.
+        taxonomy: a file of more names of objects.
         robot_radius: of the robot that distances by path are for [m].
         encoder: as `ask` takes it.
 

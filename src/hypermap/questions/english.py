@@ -101,7 +101,7 @@ def _understood(text: str, vocabulary: Vocabulary, now: datetime | None) -> Quer
 
 
 def _marked(text: str, now: datetime | None) -> tuple[str, list[Span]]:
-    """Return a question with a mark in place of each time, and the times."""
+    """Return a question with a mark instead of each time, and the times."""
     text = "".join(character for character in text if character not in TIME_MARKS)
     found = find_times(text, now)[: len(TIME_MARKS)]
     for number, (start, end, _) in reversed([*enumerate(found)]):

@@ -28,11 +28,11 @@ from hypermap.rooms.rooms import Room, Rooms, rooms_on
 if TYPE_CHECKING:
     from hypermap.paths import Planner
 
-NEXT_TO = 1.0  # [m] between the shapes of things that are next to each other
+NEXT_TO = 1.0  # [m] between the shapes of objects that are next to each other
 ASKER = Reference(is_asker=True)
 
 _FEW = 100  # places, around which objects are looked up
-_IN_SIGHT = 2.0  # [m] from a thing is what is beside it, or in front of it or behind it
+_IN_SIGHT = 2.0  # [m] up to which an object is beside, in front of or behind another
 
 
 class Finder:
@@ -45,7 +45,7 @@ class Finder:
         hypermap: the map.
         exact: whether names are those of the map alone; rooms are objects, too.
         asker: where the asker is, in the base frame; None if that is not known.
-        taxonomy: names and kinds of things.
+        taxonomy: names and kinds of objects.
         robot_radius: of the robot that distances by path are for [m].
     """
 
@@ -184,7 +184,7 @@ class Finder:
         return [room for name in names for room in rooms_asked(self._hypermap, name)]
 
     def _rooms_meant(self, reference: Reference) -> list[Room]:
-        """Return the rooms that the names of things mean, or that the asker is in."""
+        """Return the rooms that the names of objects mean, or that the asker is in."""
         if reference.is_asker:
             return [self.room_of_asker]
         if not reference.names or reference.where or ROOMS not in self._hypermap:
@@ -197,7 +197,7 @@ class Finder:
         pose = self._asker_pose()
         (room,) = rooms_at(self.rooms, (pose.x, pose.y))
         if room is None:
-            raise HypermapError(f"({pose.x:g}, {pose.y:g}), where you are, is in no room")
+            raise HypermapError(f"({pose.x:g}, {pose.y:g}), your position, is in no room")
         return room
 
     def places_of_rooms(self, found: Matches) -> IntArray:
@@ -325,7 +325,7 @@ class Finder:
         return np.asarray(self._only(reference).centroids[0])
 
     def _only(self, reference: Reference) -> Matches:
-        """Return the one thing or place that a reference refers to."""
+        """Return the one object or place that a reference refers to."""
         others = self.others(reference)
         if len(others) != 1:
             name, said = " or ".join(reference.names), str(len(others))
@@ -338,7 +338,7 @@ class Finder:
     def _asker_pose(self) -> Pose2D:
         if self._asker is None:
             raise HypermapError(
-                "the answer depends on where you are; say it in the question, or give --pose "
+                "the answer depends on where you are; say so in the question, or give --pose "
                 "X,Y or X,Y,YAW"
             )
         return self._asker

@@ -113,8 +113,8 @@ class _Parts(Transformer[Token, Query]):
         super().__init__()
         self._times = times
         self._tokens = tokens
-        self._are_joined = False  # things by "and"
-        self._all_of: set[tuple[str, ...]] = set()  # things that are joined by "and" alone
+        self._are_joined = False  # objects by "and"
+        self._all_of: set[tuple[str, ...]] = set()  # objects that are joined by "and" alone
 
     # What is asked
 
@@ -210,7 +210,7 @@ class _Parts(Transformer[Token, Query]):
         return Query(give, layers=(ROOMS,), where=(*within, *having, *but))
 
     def _check_either(self) -> None:
-        """Raise a ValueError if both of two things, or all places, are asked for, not any."""
+        """Raise a ValueError if both of two objects, or all places, are asked for, not any."""
         if any(" all" in token for token in self._tokens if token.type in ("IN", "ON")):
             raise ValueError('"all" may mean each of them; ask for one of them')
         if self._are_joined:
@@ -309,7 +309,7 @@ class _Parts(Transformer[Token, Query]):
         return Number(count)
 
     def _per_room(self, parts: list[Any], give: Give) -> Query:
-        """Return the query that counts things in each room, or in each of some rooms."""
+        """Return the query that counts objects in each room, or in each of some rooms."""
         if give != "count":
             self._check_either()
         query, rooms = _counted(parts), _rooms(parts)
@@ -343,7 +343,7 @@ class _Parts(Transformer[Token, Query]):
             raise ValueError(f"the {which} to what? say the nearest or the farthest")
         return Query("rooms", rooms=names, which=which, start=start)
 
-    # Things
+    # Objects
 
     def plain(self, parts: list[Any]) -> Query:
         query = replace(_chosen(parts), where=_conditions(parts))
@@ -461,7 +461,7 @@ def _place(part: Any) -> Reference:
 
 
 def _counted(parts: list[Any]) -> Query:
-    """Return the query about the things that are counted, with the conditions after them."""
+    """Return the query about the objects that are counted, with the conditions after them."""
     query = _query(parts)
     if query.which is not None or query.by != "air":
         raise ValueError(f"how many, or the {query.which}? ask for one of both")
@@ -482,7 +482,7 @@ def _number(parts: list[Any]) -> Number:
 
 def _whole(text: str) -> int:
     if not text.isdigit():
-        raise ValueError(f"{text} things cannot be counted")
+        raise ValueError(f"{text} objects cannot be counted")
     return int(text)
 
 
@@ -503,26 +503,26 @@ def _besides(parts: list[Any]) -> tuple[str, ...]:
 
 
 def _query(parts: list[Any]) -> Query:
-    """Return the query about the things among some parts, with the conditions after them."""
+    """Return the query about the objects among some parts, with the conditions after them."""
     query = next((part for part in parts if isinstance(part, Query)), Query())
     return replace(query, where=(*query.where, *_conditions(parts)))
 
 
 def _in_room(parts: list[Any]) -> Query:
-    """Return the query about the things in the room among some parts."""
+    """Return the query about the objects in the room among some parts."""
     query = _query(parts)
     return replace(query, where=(*query.where, Condition("in", _only(parts, Reference))))
 
 
 def _chosen(parts: list[Any]) -> Query:
-    """Return the query about things of which some are chosen."""
+    """Return the query about objects of which some are chosen."""
     types = _types(parts)
     which = _WHICH[types["THE_MOST"]] if "THE_MOST" in types else None
     count = None
     if "NUMBER" in types:
         count = int(types["NUMBER"]) if types["NUMBER"].isdigit() else 0
         if count < 1:
-            raise ValueError(f"{types['NUMBER']} things cannot be listed")
+            raise ValueError(f"{types['NUMBER']} objects cannot be listed")
     by: Measure = "path" if "BY_PATH" in types else "air"
     nouns = next((part for part in parts if isinstance(part, tuple)), ())
     names = tuple(name for name in nouns if name != EVERYTHING)

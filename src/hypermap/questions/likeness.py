@@ -64,7 +64,7 @@ def most_like(
         if kept.model != encoder.model or kept.vectors.shape[1] != len(vector):
             raise HypermapError(
                 f"the objects of layer {layer.name!r} were embedded by {kept.model!r}, and the "
-                f"text by {encoder.model!r}; give the same encoders"
+                f"text by {encoder.model!r}; use the same encoders"
             )
         rows = np.flatnonzero(found.are_of(layer.name))
         ids = found.take(rows).column("ids")

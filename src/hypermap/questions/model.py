@@ -59,10 +59,12 @@ class LanguageModel:
             is_address = False
         if not is_address or any(character.isspace() for character in self.url):
             raise HypermapError(
-                f"{self.url!r} is no address of a model; expected one as http://localhost:11434/v1"
+                f"{self.url!r} is not the address of a model; expected one such as http://localhost:11434/v1"
             )
         if not (self.key.isascii() and (self.key.isprintable() or not self.key)):
-            raise HypermapError("the model's key has characters that no header can have")
+            raise HypermapError(
+                "the model's key contains characters that are not allowed in a header"
+            )
 
     def read(self, question: str, vocabulary: Vocabulary) -> Query:
         """Return the query that a question asks, as the model reads it.
@@ -71,7 +73,7 @@ class LanguageModel:
         nothing else of the map. What it returns is checked like any other query.
 
         Raises:
-            HypermapError: If the endpoint does not answer, its answer is no query, or the model
+            HypermapError: If the endpoint does not answer, its answer is not a query, or the model
                 says that no query can ask this.
         """
         if len(question) > _LONGEST_QUESTION:
@@ -129,7 +131,7 @@ class LanguageModel:
         except (ValueError, LookupError, TypeError, RecursionError):
             content = None
         if not isinstance(content, str):
-            raise HypermapError(f"{self.url} did not answer as an OpenAI-compatible endpoint does")
+            raise HypermapError(f"{self.url} did not answer like an OpenAI-compatible endpoint")
         return content
 
 

@@ -65,20 +65,20 @@ OF_COUNTS = ("most", "fewest")
 
 
 class FarAway(HypermapError, ValueError):
-    """A place or a distance is farther than numbers tell places apart."""
+    """A place or a distance is too far away for floating-point numbers to be exact."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """What a condition or a distance refers to: one of these.
+    """The reference of a condition or a distance; exactly one of these is given.
 
     Attributes:
-        names: of objects, any of which matches; names, synonyms or kinds of things.
+        names: of objects, any of which matches; names, synonyms or kinds of objects.
         where: conditions on these objects.
         rooms: names or kinds of rooms, any of which will do.
         point_xy: a point in the base frame [m].
         area: an area in the base frame [m], as WKT.
-        is_asker: whether it is where the asker is.
+        is_asker: whether it is the position of the asker.
     """
 
     names: tuple[str, ...] = ()
@@ -107,14 +107,14 @@ class Condition:
     """A condition on where objects are.
 
     Attributes:
-        relation: "near" and "beyond" compare the distance between shapes with `within`; the sides
-            are those of the reference as the asker sees it; "visible from" needs a line of sight
-            without a wall; "with" holds for rooms in which there is such an object; "between" is
-            between the reference and the other one.
-        reference: the place, room or objects that it refers to; any of the objects will do, but
-            between is one and one. "in" where the asker is means in the same room.
+        relation: "near" and "beyond" compare the distance between shapes with `within`; sides, such
+            as "left of", are as the asker sees the reference; "visible from" needs a line of sight
+            without walls; "with" holds for rooms that contain such an object; "between" is between
+            the reference and the other one.
+        reference: the place, room or objects that it refers to. Any of the objects will do, but
+            "between" needs a single one. "in" with the asker means in the same room.
         within: a distance [m]; None for "next to" (`NEXT_TO` in `answer`).
-        negated: whether the opposite is asked for.
+        negated: whether to negate the condition.
         other: the second place of "between".
     """
 
@@ -143,13 +143,13 @@ class Condition:
 class When:
     """A condition on when objects were seen.
 
-    Of each object, the map knows when it was seen first and last. In a time that is over, an object
-    counts as seen if either was then.
+    For each object, the map knows when it was first and last seen. An object counts as seen in a
+    past period if either time is in it.
 
     Attributes:
-        seen: "seen" in that time, "not seen" from its begin on, or "new": seen then first.
-        since: when the time begins, with its time zone; None for ever before.
-        until: when it ends, with its time zone; None for now.
+        seen: "seen" in the period, "not seen" since its beginning, or "new": first seen in it.
+        since: beginning of the period, with its time zone; None for none.
+        until: end of the period, with its time zone; None for now.
     """
 
     seen: Seen = "seen"
@@ -158,7 +158,7 @@ class When:
 
     def __post_init__(self) -> None:
         if self.seen not in get_args(Seen):
-            raise ValueError(f"{self.seen!r} is none of {', '.join(get_args(Seen))}")
+            raise ValueError(f"{self.seen!r} is not one of {', '.join(get_args(Seen))}")
         if self.since is None and self.until is None:
             raise ValueError("a time needs its begin or its end")
         if self.seen == "not seen" and (self.since is None or self.until is not None):
@@ -173,9 +173,9 @@ class Measured:
     """A condition on measured values, such as temperatures.
 
     Attributes:
-        layer: that has them; None for the only one.
-        above: the mean around an object, or the value of a place, is larger; None for any.
-        below: it is smaller; None for any.
+        layer: the layer of the values; None for the only one.
+        above: the mean around an object, or the value at a place, is above this; None for any.
+        below: it is below this; None for any.
     """
 
     layer: str | None = None
@@ -198,8 +198,8 @@ class Number:
     """A condition on how many objects there are.
 
     Attributes:
-        at_least: so many, or more.
-        at_most: so many, or fewer; None for any.
+        at_least: minimum number.
+        at_most: maximum number; None for any.
     """
 
     at_least: int = 0
@@ -212,7 +212,7 @@ class Number:
             raise ValueError("a number needs 'at_least' or 'at_most'")
 
     def holds(self, count: int) -> bool:
-        """Return whether so many are right.
+        """Return whether a number meets the condition.
 
         >>> Number(at_least=2).holds(3), Number(at_most=0).holds(3)
         (True, False)
@@ -222,37 +222,37 @@ class Number:
 
 @dataclass(frozen=True)
 class Query:
-    """A question.
+    """A question as a value.
 
     Attributes:
-        give: the objects, how many there are, whether there are any, how far they are, the rooms
-            that they are in ("room"), the rooms that have them ("rooms"; all without names), when
-            they were last seen, the objects and what layers without objects say ("labels"), the
-            places at which `measured` holds ("places"), or what was measured at a point, in a room
-            or everywhere ("value").
-        names: of the objects, any of which matches; none for all. A name matches the objects of a
-            map that are called so, and those that are of that kind by the taxonomy.
-        exact: whether names are those of the map alone, without a taxonomy; rooms are objects, too.
+        give: what to return: the objects, how many there are, whether there are any, how far away
+            they are, the rooms that they are in ("room"), the rooms that contain them ("rooms";
+            all rooms without names), when they were last seen, the objects and the labels of
+            layers without objects ("labels"), the places at which `measured` holds ("places"), or
+            the value measured at a point, in a room or everywhere ("value").
+        names: names of the objects, any of which matches; none for all. A name matches the objects
+            with that name in the map, and those of that kind by the taxonomy.
+        exact: whether to match only the names in the map, without a taxonomy; includes rooms.
         besides: names that the objects must not have.
-        ids: of the objects, any of which matches; none for all.
-        tags: which the objects have, all of them.
-        like: what the objects look like, such as "something to sit on": the most similar `count` of
-            them, in a map whose objects were embedded.
-        rooms: names or kinds of rooms, if these and not objects are asked for.
-        where: conditions, all of which the objects meet.
-        when: conditions on when the objects were seen, all of which they meet.
-        as_of: the map of which time is asked, with its time zone; None for now.
-        measured: the values around the objects or at the places; None where they do not matter.
-        layers: those that are asked; none for all.
-        value: that cells of the layers have, for "labels".
-        which: which of the objects are wanted; None for all. "highest" and "lowest" are of
-            `measured`, "most" and "fewest" of rooms and their objects, with `per`.
-        count: how many of those; None for one if `which` is given, or all that have most.
-        start: from where distances are measured; None for where the asker is.
-        by: whether distances are straight ("air"), or along paths for a robot.
-        per: "room" counts the objects of each room: "count" gives all rooms with their counts, or
-            how many have a `number` of objects; "exists" whether any has; "rooms" those that have,
-            or `which` have most.
+        ids: ids of the objects, any of which matches; none for all.
+        tags: tags that each object has.
+        like: the appearance of the objects, such as "something to sit on": the `count` most similar
+            ones, in a map whose objects were embedded.
+        rooms: names or kinds of rooms, to query rooms instead of objects.
+        where: conditions that all must hold for an object.
+        when: conditions on when an object was seen that all must hold.
+        as_of: time of the map to query, with its time zone; None for now.
+        measured: the values around the objects or at the places; None if they do not matter.
+        layers: the layers to query; none for all.
+        value: the value of cells of the layers, for "labels".
+        which: which of the objects to return; None for all. "highest" and "lowest" refer to
+            `measured`, "most" and "fewest" to rooms and their objects, with `per`.
+        count: how many of them; None for one if `which` is given, or all rooms that tie.
+        start: the start of distances; None for the position of the asker.
+        by: whether distances are straight ("air") or along paths for a robot.
+        per: "room" counts the objects in each room: "count" returns all rooms with their counts, or
+            how many rooms have a `number` of objects; "exists" whether any does; "rooms" those
+            that do, or those with `which`.
         number: how many objects there are, for "exists"; with `per`, how many are in a room.
     """
 
@@ -281,7 +281,7 @@ class Query:
         pairs = ((self.give, Give), (self.which, Which), (self.by, Measure), (self.per, Per))
         for value, choices in pairs:
             if value is not None and value not in get_args(choices):
-                raise ValueError(f"{value!r} is none of {', '.join(get_args(choices))}")
+                raise ValueError(f"{value!r} is not one of {', '.join(get_args(choices))}")
         if self.rooms and self.describes_objects:
             raise ValueError("a query asks for rooms or for objects, not for both")
         if self.count is not None and self.count < 1:
@@ -315,11 +315,11 @@ class Query:
         if self.number is not None and self.which is not None:
             raise ValueError("a query asks for a number or for the most, not for both")
         if self.give == "exists" and self.number is None:
-            raise ValueError("whether there is any room with how many? it needs a number")
+            raise ValueError("any room with how many? this needs a number")
 
     @property
     def describes_objects(self) -> bool:
-        """Whether it says anything of the objects: of all, the answer is about some."""
+        """Whether it has conditions on the objects, so that the answer is about some of them."""
         which = (self.names, self.besides, self.ids, self.tags, self.like, self.where, self.when)
         return any(which) or self.measured is not None or self.per is not None
 
@@ -334,7 +334,7 @@ class Query:
         return self.per is not None and self.give == "count" and self.number is None
 
     def to_json(self) -> dict[str, Any]:
-        """Return the query as JSON values, without what is left at its default."""
+        """Return the query as JSON values, without defaults."""
         from hypermap.questions.query_json import json_of  # which knows this class
 
         return json_of(self)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from typing import Any
 
@@ -41,14 +41,10 @@ def query_of(values: Any) -> Query:
         given["number"] = _number_of(given["number"])
     if given.get("start") is not None:
         given["start"] = _reference(given["start"], "start")
-    if given.get("count") is not None:
-        given["count"] = _whole(given["count"], "count")
-    if given.get("value") is not None:
-        given["value"] = _number(given["value"], "value")
-    if not isinstance(given.get("exact", False), bool):
-        raise FormatError("exact: expected true or false")
-    if not isinstance(given.get("like") or "", str):
-        raise FormatError("like: expected a text")
+    for key, spec in Query.__dataclass_fields__.items():
+        is_given = given.get(key) is not None or (key in given and spec.type == "bool")
+        if is_given and spec.type in _PLAIN:
+            given[key] = _PLAIN[spec.type](given[key], key)
     made: Query = _made(Query, given, "the query")
     return made
 
@@ -115,6 +111,27 @@ def _number(value: Any, where: str) -> float:
     return float(value)
 
 
+def _text(value: Any, where: str) -> str:
+    if not isinstance(value, str):
+        raise FormatError(f"{where}: expected a text")
+    return value
+
+
+def _flag(value: Any, where: str) -> bool:
+    if not isinstance(value, bool):
+        raise FormatError(f"{where}: expected true or false")
+    return value
+
+
+# By the annotation of a field; all other fields have a line of their own in `query_of`.
+_PLAIN: dict[str, Callable[[Any, str], Any]] = {
+    "bool": _flag,
+    "float | None": _number,
+    "int | None": _whole,
+    "str | None": _text,
+}
+
+
 def _is_number(value: Any) -> bool:
     is_one = isinstance(value, int | float) and not isinstance(value, bool)
     return is_one and abs(value) <= sys.float_info.max
@@ -168,7 +185,7 @@ def parse_moment(value: Any, where: str) -> datetime:
         moment = datetime.fromisoformat(str(value).strip().replace("Z", "+00:00"))
     except ValueError:
         raise FormatError(
-            f"{where}: {str(value)[:40]!r} is no date or time as 2026-11-20T10:00+01:00"
+            f"{where}: {str(value)[:40]!r} is not a date or time such as 2026-11-20T10:00+01:00"
         ) from None
     return moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)
 
@@ -190,7 +207,7 @@ def _reference(values: Any, where: str) -> Reference:
     given = _checked(values, where, Reference)
     conditions = _list(given.get("where", ()), f"{where}.where")
     if where.count(".what") > _DEEPEST:
-        raise FormatError(f"{where}: more than {_DEEPEST} references within each other")
+        raise FormatError(f"{where}: more than {_DEEPEST} nested references")
     given["where"] = tuple(
         _condition(one, f"{where}.where[{i}]") for i, one in enumerate(conditions)
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, get_args
 
-from hypermap.questions.query import MOST_LETTERS, Give, Measure, Per, Relation, Seen, Which
+from hypermap.questions.query import MOST_LETTERS, Give, Measure, Per, Query, Relation, Seen, Which
 
 _NAMES = {"type": "array", "items": {"type": "string", "minLength": 1}}
 _MOMENT = {"type": "string", "description": "ISO 8601, as 2026-11-20T10:00+01:00; else in UTC"}
@@ -130,3 +130,14 @@ QUERY_SCHEMA: dict[str, Any] = {
         },
     },
 }
+
+# Fields of a query that are plain numbers, texts or flags need no line above.
+_PLAIN: dict[str, dict[str, Any]] = {
+    "bool": {"type": "boolean", "default": False},
+    "float | None": {"type": "number"},
+    "int | None": {"type": "integer"},
+    "str | None": {"type": "string", "minLength": 1},
+}
+for _name, _spec in Query.__dataclass_fields__.items():
+    if _spec.type in _PLAIN:
+        QUERY_SCHEMA["$defs"]["query"]["properties"].setdefault(_name, _PLAIN[_spec.type])

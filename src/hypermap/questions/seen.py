@@ -25,7 +25,7 @@ def seen_in(when: When, found: Matches) -> tuple[BoolArray, int]:
     """
     first, last = found.column("first_seen"), found.column("last_seen")
     if len(found) and not are_calendar(last[~np.isnan(last)]):
-        raise HypermapError("the map does not know on which day or at what time objects were seen")
+        raise HypermapError("the map does not know the dates at which objects were seen")
     begin = -math.inf if when.since is None else when.since.timestamp()
     end = math.inf if when.until is None else when.until.timestamp()
     is_new = (first >= begin) & (first < end)

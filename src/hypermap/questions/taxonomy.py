@@ -1,4 +1,4 @@
-"""What things are called: synonyms, plurals, and kinds of things."""
+"""What objects are called: synonyms, plurals, and kinds of objects."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from hypermap.core.errors import FileMissing, FormatError
 
 OURS = Path(__file__).with_name("taxonomy.yaml")
 
-EVERYTHING = "thing"  # the kind of all things
+EVERYTHING = "thing"  # the kind of all objects
 _LISTS = ("also", "plural", "includes")
 
 
 @dataclass(frozen=True)
 class Taxonomy:
-    """Names of things.
+    """Names of objects.
 
     Attributes:
         kinds: for each usual name, the usual name of its kind, if it has one.
@@ -31,7 +31,7 @@ class Taxonomy:
     plurals: Mapping[str, str]
 
     def usual_name(self, name: str) -> str | None:
-        """Return the usual name of a thing, given in the singular or plural; None if unknown.
+        """Return the usual name of an object, given in the singular or plural; None if unknown.
 
         >>> load_taxonomy().usual_name("Couches"), load_taxonomy().usual_name("flubber")
         ('sofa', None)
@@ -40,7 +40,7 @@ class Taxonomy:
         return self.usual.get(key) or self.plurals.get(key)
 
     def is_a(self, name: str, kind: str) -> bool:
-        """Return whether a thing is of a kind, or is that; both by their usual names.
+        """Return whether an object is of a kind, or is that; both by their usual names.
 
         >>> load_taxonomy().is_a("mug", "cup"), load_taxonomy().is_a("cup", "mug")
         (True, False)
@@ -53,7 +53,7 @@ class Taxonomy:
         return False
 
     def matching(self, asked: str, names: Iterable[str]) -> list[str]:
-        """Return the names of objects that a name means: the name itself, and things of that kind.
+        """Return the names of objects that a name means: the name itself, and objects of that kind.
 
         >>> load_taxonomy().matching("seating", ["couch", "cup", "chair"])
         ['couch', 'chair']
@@ -87,8 +87,8 @@ def load_taxonomy(path: str | Path | None = None) -> Taxonomy:
 
     Args:
         path: a YAML file like `taxonomy.yaml`: for each name a mapping with `is` (its kind), `also`
-            (other names), `plural`, and `includes` (names of things of that kind). It adds to ours,
-            and replaces the entries it repeats.
+            (other names), `plural`, and `includes` (names of objects of that kind). It adds to
+            ours, and replaces the entries it repeats.
 
     Raises:
         FileMissing: If there is no such file.
@@ -122,12 +122,12 @@ def _entries(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _included(path: Path, entries: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return the entries of things that their kinds include."""
+    """Return the entries of objects that their kinds include."""
     included: dict[str, dict[str, Any]] = {}
     for kind, entry in entries.items():
         for name in entry["includes"]:
             if name in entries or name in included:
-                raise FormatError(f"{path}: {kind}: includes {name!r}, which is there already")
+                raise FormatError(f"{path}: {kind}: includes {name!r}, which already exists")
             included[name] = {"is": kind, "also": [], "plural": [], "includes": []}
     return included
 
@@ -158,7 +158,7 @@ def _of_entries(entries: Mapping[str, Mapping[str, Any]], path: str | Path) -> T
             if kind not in kinds:
                 raise FormatError(f"{path}: {name}: its kind {kind!r} is not in the taxonomy")
             if kind in seen:
-                raise FormatError(f"{path}: {name}: is of its own kind, by way of {kind!r}")
+                raise FormatError(f"{path}: {name}: is its own kind, through {kind!r}")
             seen.add(kind)
             kind = kinds[kind]
     usual = {other: name for name, entry in entries.items() for other in entry["also"]}

@@ -44,7 +44,7 @@ class Span:
 
     Attributes:
         text: as it stands in the question.
-        since: when it begins, with its time zone; None for ever before.
+        since: when it begins, with its time zone; None for no beginning.
         until: when it ends; None for now.
     """
 

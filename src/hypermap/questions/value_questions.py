@@ -177,9 +177,9 @@ def _layer_of(hypermap: Hypermap, kind: str) -> ValueLayer:
         return found[0]
     if found:
         several = ", ".join(layer.name for layer in found)
-        raise HypermapError(f"several layers may be meant: {several}; name one")
+        raise HypermapError(f"several layers are possible: {several}; name one")
     raise HypermapError(
-        f"the map has no layer of measured {kind}; `hypermap values` makes one of samples"
+        f"the map has no layer of measured {kind}; `hypermap values` makes one from samples"
     )
 
 
@@ -202,11 +202,13 @@ def _places(text: str, vocabulary: Vocabulary) -> tuple[Condition, ...]:
     query = understand(f"what is {text}", vocabulary)
     conditions = query.where
     if query != Query(where=conditions):
-        raise HypermapError(f"{text.strip()!r}: values are asked as they are now, of places alone")
+        raise HypermapError(
+            f"{text.strip()!r}: questions about values are only about places, and the present"
+        )
     for one in conditions:
         is_place = one.reference.rooms or one.reference.point_xy or one.reference.is_asker
         if one.negated or one.relation not in ("in", "at") or not is_place:
-            raise HypermapError(f"{text.strip()!r}: values are asked in a room or at a point")
+            raise HypermapError(f"{text.strip()!r}: questions about values need a room or a point")
     return conditions
 
 
@@ -218,9 +220,7 @@ def _things(text: str, vocabulary: Vocabulary) -> Query:
     if not query.asks_rooms:
         return query
     if query.describes_objects or query.which or query.give not in ("rooms", "count", "exists"):
-        raise HypermapError(
-            f"{text.strip()!r}: values of rooms go with their names and kinds alone"
-        )
+        raise HypermapError(f"{text.strip()!r}: rooms can only be compared by name and kind")
     return Query(
         "objects" if query.give == "rooms" else query.give,
         layers=(ROOMS,),

@@ -242,7 +242,7 @@ class Vocabulary:
 
     Attributes:
         taxonomy: of things.
-        objects: names of the objects of the map; keywords such as "in" are no names without
+        objects: names of the objects of the map; keywords such as "in" are not names without
             quotation marks.
         rooms: names and kinds of its rooms; kinds are known without a map, too.
         kinds: of rooms.

@@ -270,7 +270,7 @@ def _frame_size(depth: Path, color: Path | None) -> tuple[int, int]:
         color_width, color_height = _size_of(color)
         raise FormatError(
             f"color has {color_width} x {color_height} pixels, but depth in {depth} has "
-            f"{width} x {height}; color must be registered to depth and of its size; else give "
+            f"{width} x {height}; color must be registered to depth and have its size; or give "
             "--register, --color-intrinsics and --depth-transform",
             path=color,
         )

@@ -62,8 +62,7 @@ def read_associations(path: Path) -> tuple[ImageList, ImageList]:
         pairs = sorted(zip(words[::2], words[1::2], strict=False), key=lambda p: "depth" in p[1])
         if len(words) != 4 or ["depth" in name for _, name in pairs] != [False, True]:
             raise FormatError(
-                "expected stamp, file, stamp, file, of which one file is called depth, found "
-                f"{text!r}",
+                f"expected stamp, file, stamp, file, with one file named depth, found {text!r}",
                 path=path,
                 key=key,
             )

@@ -21,11 +21,11 @@ _BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
 def open_recording(path: str | Path, options: RecordingOptions | None = None) -> PendingRecording:
     """Return the recording at a path, recognized by its files.
 
-    Only names are looked at: what is inside, and what is wrong with it, `info` tells.
+    This only checks file names; `info` reports the contents and their problems.
 
     Raises:
         FileMissing: If there is nothing.
-        FormatError: If it is no recording of a known kind.
+        FormatError: If it is not a recording of a known kind.
     """
     path = Path(path)
     if not path.exists():

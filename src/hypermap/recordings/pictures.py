@@ -49,7 +49,7 @@ def picture_size(content: bytes) -> tuple[int, int]:
     """Return columns and rows of an encoded picture.
 
     Raises:
-        FormatError: If it is no picture.
+        FormatError: If it is not a picture.
     """
     with _opened(content) as image:
         return image.size
@@ -59,7 +59,7 @@ def decode_color(content: bytes) -> NDArray[np.uint8]:
     """Return an encoded picture as RGB, uint8, shape (H, W, 3).
 
     Raises:
-        FormatError: If it is no picture, damaged, or not of 8 bits per channel.
+        FormatError: If it is not a picture, damaged, or not of 8 bits per channel.
     """
     with _opened(content) as image:
         if image.mode.startswith(("I", "F")):
@@ -71,7 +71,7 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
     """Return an encoded picture of 16 bit gray values, shape (H, W).
 
     Raises:
-        FormatError: If it is no picture, damaged, or of another depth.
+        FormatError: If it is not a picture, damaged, or of another depth.
     """
     with _opened(content) as image:
         if not image.mode.startswith("I"):

@@ -204,7 +204,7 @@ class SevenScenesRecording(ImageFolder):
         if not (0 < cx < width and 0 < cy < height):
             raise FormatError(
                 f"the principal point ({cx:g}, {cy:g}) is not on the images of {width} x {height} "
-                "pixels: these are the intrinsics of another size; give --intrinsics",
+                "pixels: these intrinsics are for another image size; give --intrinsics",
                 path=path,
             )
         return camera

@@ -20,7 +20,7 @@ def read_lines(path: Path) -> Iterator[tuple[str, str]]:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is no text, or too large to be one of ours.
+        FormatError: If it is not a text, or too large to be one of ours.
     """
     if not path.is_file():
         raise FileMissing(f"{path}: there is no such file")
@@ -40,7 +40,7 @@ def parse_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
     """Return words as numbers; those that stand for "not a number" become NaN.
 
     Raises:
-        FormatError: If a word is no number.
+        FormatError: If a word is not a number.
     """
     try:
         return [float("nan") if _is_windows_nan(word) else float(word) for word in words]
@@ -52,7 +52,7 @@ def finite_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
     """Return words as finite numbers.
 
     Raises:
-        FormatError: If a word is no number, or one that is not finite.
+        FormatError: If a word is not a number, or one that is not finite.
     """
     numbers = parse_numbers(words, path, key)
     if not all(map(math.isfinite, numbers)):

@@ -1,4 +1,4 @@
-"""Rooms, the doors between them, and what kind of room each is, out of an occupancy layer."""
+"""Finds rooms in an occupancy layer, the doors between them, and the kind of each room."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -49,10 +49,10 @@ def find_rooms(
 ) -> Rooms:
     """Cut free space into rooms and corridors; the same cells give the same rooms.
 
-    Free are cells from 0 to 49. Everything else is a wall, also the unknown, unless it is small
-    and touches no wall. Space is cut where lines of walls go on across it (`openings`) and where it
-    is narrow (`basins`); what lies between is joined again unless a door or an open side is between
-    (`Pieces`).
+    Cells from 0 to 49 are free. Everything else is a wall, including unknown cells, unless it is
+    small and touches no wall. Space is cut where lines of walls continue across it (`openings`) and
+    where it is narrow (`basins`); the pieces are joined again unless a door or an open side
+    separates them (`Pieces`).
 
     Args:
         occupancy: the grid.

@@ -20,7 +20,7 @@ def without_furniture(
 ) -> BoolArray:
     """Return free cells, and with them those that objects take.
 
-    An object stays as it is where what is free around it hangs together only through it, as where
+    An object is unchanged where what is free around it hangs together only through it, as where
     its outline reaches through a wall: so nothing is connected that was not.
 
     Args:

@@ -23,7 +23,7 @@ LONG_AND_THIN = "(long and thin)"
 
 _UNKNOWN = "room"  # what a room of no kind is called
 _LEAST = 0.4  # how sure a kind is at least
-_MOST = 3  # things of one name count
+_MOST = 3  # objects of one name count
 _NONE = 1.0  # what always speaks for no kind
 _LONG = 3.0  # times its width is a long room's length at least
 _THIN = 3.5  # [m] is a thin room's width at most
@@ -37,14 +37,14 @@ class Kinds:
     """The table of kinds.
 
     Attributes:
-        votes: for each kind, how much a thing of a name speaks for it. Names are in lower case and
+        votes: for each kind, the weight of an object of each name. Names are in lower case and
             without blanks and "_".
     """
 
     votes: Mapping[str, Mapping[str, float]]
 
     def guess(self, names: Iterable[str]) -> tuple[str, float]:
-        """Return the kind of a room in which these things are, and how sure that is.
+        """Return the kind of a room with these objects, and its confidence.
 
         How sure is the share of the kind in all that speaks for any kind, where something always
         speaks for none. The kind is empty if that is below 0.4.
@@ -150,7 +150,7 @@ def rooms_of_points(rooms: Rooms, points_xy: FloatArray) -> IntArray:
 
 
 def _inside(rooms: Rooms, objects: Iterable[SemanticObject]) -> list[list[str]]:
-    """Return the names of the things in each room."""
+    """Return the names of the objects in each room."""
     things = list(objects)
     names: list[list[str]] = [[] for _ in rooms]
     places = rooms_of(rooms, (thing.footprint for thing in things))
@@ -161,7 +161,7 @@ def _inside(rooms: Rooms, objects: Iterable[SemanticObject]) -> list[list[str]]:
 
 
 def _long_and_thin(outline: BaseGeometry) -> int:
-    """Return how often an outline is as long as a corridor's is at least; 0 if it is no corridor's.
+    """Return how many times the minimum length of a corridor an outline has; 0 if it is none.
 
     A corridor may turn and branch, and widen in places: where a disc of its largest width fits in.
     """

@@ -22,18 +22,18 @@ def rooms_of_map(
 ) -> Rooms:
     """Find the rooms of a map, in the frame of its occupancy layer.
 
-    What the semantic layers hold tells their kinds; rooms that are in its layer `rooms` keep their
-    ids and the names that were given by hand.
+    Objects in the semantic layers determine the kinds; rooms in its layer `rooms` keep their ids
+    and the names given by hand.
 
     Args:
-        hypermap: the map, which stays as it is.
+        hypermap: the map, which is unchanged.
         settings: what a room is.
         occupancy: name of the layer; None for the only one.
         kinds: the table of kinds; None for ours.
 
     Raises:
         HypermapError: If there is not one such layer, it has no free cell, or the layer `rooms` is
-            another thing.
+            of a different kind.
         FrameError: If a layer's frame is not connected to that of the occupancy.
     """
     grid = hypermap.occupancy(occupancy)
@@ -49,7 +49,7 @@ def rooms_of_map(
 
 
 def with_rooms(hypermap: Hypermap, rooms: Rooms) -> Hypermap:
-    """Return a map with these rooms as its layer `rooms`, in the place of an older one."""
+    """Return a map with these rooms as its layer `rooms`, which replaces an older one."""
     previous = _previous(hypermap)
     layer = rooms.layer()
     if previous is None:
@@ -64,6 +64,6 @@ def _previous(hypermap: Hypermap) -> SemanticLayer | None:
     layer = hypermap[LAYER]
     if not isinstance(layer, SemanticLayer):
         raise HypermapError(
-            f"layer {LAYER!r} is a {layer.class_name}, so there is no place for rooms; rename it"
+            f"layer {LAYER!r} is a {layer.class_name}, so rooms cannot be stored in it; rename it"
         )
     return layer

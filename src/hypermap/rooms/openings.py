@@ -14,7 +14,7 @@ from hypermap.core.arrays import ObjectArray
 
 _TURN = math.radians(30)  # a corner that turns less is none
 _IN_LINE = math.radians(20)  # a wall that turns less goes on through the gap
-_ACROSS = math.radians(75)  # less from a wall is no gap but along that wall
+_ACROSS = math.radians(75)  # less from a wall runs along that wall and is not a gap
 
 
 def openings(area: Polygon, tolerance: float, longest: float, wall: float) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 """Pieces of free space, and which of them are one room.
 
 The pieces lie between all lines at which a room may end; here they are joined again where the line
-is no door and neither side is a room that stands open.
+is not a door and neither side is a room that stands open.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ def rooms_asked(hypermap: Hypermap, what: str) -> list[Room]:
 
     Raises:
         HypermapError: If there are none, the map has no rooms, or several rooms have that name,
-            which is no kind.
+            which is not a kind.
     """
     rooms = _rooms_on(hypermap)
     found = _all_called(rooms, what)
@@ -88,7 +88,7 @@ def stand_in_rooms(hypermap: Hypermap, what: str, points_xy: PointsLike) -> Bool
         points_xy: in the base frame [m], shape (N, 2).
 
     Raises:
-        HypermapError: If several rooms have that name, which is no kind.
+        HypermapError: If several rooms have that name, which is not a kind.
     """
     rooms = rooms_on(hypermap)
     if rooms is None:

@@ -33,7 +33,7 @@ class Graph:
     widths: NDArray[np.float64]
 
     def parts(self) -> NDArray[np.int64]:
-        """Return a number for each room, which rooms have in common between which doors lead."""
+        """Return the connected component of each room, as a number."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 

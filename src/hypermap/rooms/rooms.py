@@ -30,12 +30,12 @@ class Room:
 
     Attributes:
         id: stays the same when rooms are found again.
-        name: as people call it; no two rooms found at once have the same.
+        name: its name; unique among the rooms that are found together.
         outline: Polygon or MultiPolygon in the frame of the rooms [m].
-        kind: as "kitchen"; empty where nothing tells it.
-        sure: how sure its kind is, 0..1.
+        kind: such as "kitchen"; empty if unknown.
+        sure: confidence of the kind, 0..1.
         is_named: whether the name was given by hand.
-        attributes: whatever else is kept with it.
+        attributes: other attributes.
     """
 
     id: int
@@ -48,7 +48,7 @@ class Room:
 
     @property
     def area(self) -> float:
-        """How large it is [m^2]."""
+        """Its area [m^2]."""
         return float(self.outline.area)
 
 
@@ -58,8 +58,8 @@ class Door:
 
     Attributes:
         rooms: ids of both, the lower one first.
-        line: where one room becomes the other: a straight LineString [m].
-        width: of the widest disc that fits between the walls there [m].
+        line: the border between the rooms: a straight LineString [m].
+        width: diameter of the widest disc that fits between the walls there [m].
     """
 
     rooms: tuple[int, int]
@@ -85,9 +85,9 @@ class Rooms:
         frame_id: of all coordinates.
         rooms: in the order of their ids.
         doors: in the order of the ids of their rooms.
-        grid: where the cells lie; None for rooms that were read from a layer.
-        cells: place in `rooms` of the room that each cell is in, or -1: int32, shape
-            (height, width); None for rooms that were read from a layer.
+        grid: the geometry of the cells; None for rooms that were read from a layer.
+        cells: index in `rooms` of the room of each cell, or -1: int32, shape (height, width); None
+            for rooms that were read from a layer.
     """
 
     frame_id: str
@@ -122,8 +122,8 @@ class Rooms:
     def layer(self, name: str = LAYER) -> SemanticLayer:
         """Return the rooms as a semantic layer, whose objects have the rooms' ids and names.
 
-        A room's kind is its tag, with how sure it is as confidence. Doors are kept with the room of
-        the lower id, as an attribute.
+        A room's kind is its tag, with its confidence. Doors are stored with the room of the lower
+        id, as an attribute.
         """
         return SemanticLayer(name, self.frame_id, [self._as_object(room) for room in self.rooms])
 
@@ -153,12 +153,12 @@ class Rooms:
 
     @classmethod
     def of_layer(cls, layer: SemanticLayer) -> Rooms:
-        """Return the rooms that a layer keeps; every object is a room.
+        """Return the rooms in a layer; every object is a room.
 
-        Doors to rooms that are gone are left out.
+        Doors to missing rooms are left out.
 
         Raises:
-            HypermapError: If the doors of a room are none.
+            HypermapError: If the doors of a room cannot be read.
         """
         rooms, doors = [], []
         for item in layer:
@@ -193,13 +193,13 @@ class Rooms:
         return Rooms(frame_id, tuple(rooms), tuple(doors))
 
     def joined(self, kept: int, others: Collection[int]) -> Rooms:
-        """Return what is left when rooms have become parts of another, without cells.
+        """Return the rooms after some were merged into another, without cells.
 
-        Their doors are those of the other room then; doors between them are gone. Outlines stay.
+        The other room gets their doors; doors between them are removed. Outlines stay.
 
         Args:
-            kept: id of the room that they are parts of.
-            others: ids of the rooms that are gone.
+            kept: id of the room that they become parts of.
+            others: ids of the rooms that are merged into it.
         """
         doors = []
         for door in self.doors:
@@ -210,9 +210,9 @@ class Rooms:
         return Rooms(self.frame_id, rooms, tuple(sorted(doors, key=door_order)))
 
     def replaced(self, rooms: list[Room]) -> Rooms:
-        """Return the same with other rooms in the places of these; doors go along.
+        """Return the same with these rooms replaced; doors go along.
 
-        Their ids may be others, and decide in which order they come.
+        The ids may differ; they determine the order.
         """
         new_id = {old.id: new.id for old, new in zip(self.rooms, rooms, strict=True)}
         order = sorted(range(len(rooms)), key=lambda place: rooms[place].id)

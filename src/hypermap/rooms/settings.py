@@ -11,11 +11,12 @@ class RoomSettings:
     """Lengths [m], areas [m^2] and shares by which free space is cut into rooms.
 
     Attributes:
-        least_area: what is smaller is no room.
-        widest_door: a wider passage between two rooms that are both large makes them one.
-        widest_opening: a gap in the line of a wall may be as wide as this where a room stands open
-            to a corridor.
-        largest_obstacle: what is smaller and touches no wall, as a chair, does not divide a room.
+        least_area: minimum area of a room.
+        widest_door: a wider passage between two large rooms makes them one room.
+        widest_opening: maximum width of the gap in a wall through which a room is open to a
+            corridor.
+        largest_obstacle: a smaller obstacle that touches no wall, such as a chair, does not divide
+            a room.
 
     Raises:
         ValueError: If one is not a positive, finite number.

@@ -27,8 +27,8 @@ def split_room(rooms: Rooms, number: int, line: LineString, new_id: int) -> Room
 
     The larger part keeps id and name. The other one has the same kind and the name with the next
     free number; that name counts as given by hand if the room's name was. Each door belongs to the
-    part at which its middle is, and where the parts meet is a new door, unless it is less than
-    0.3 m wide. Rooms at which the line ends get a corner there, so that edges stay shared.
+    part that its middle touches. The border of the parts becomes a new door, unless it is less than
+    0.3 m wide. Rooms at the ends of the line get a corner there, so that edges stay shared.
 
     Args:
         rooms: all of them.

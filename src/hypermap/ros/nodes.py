@@ -65,7 +65,7 @@ def run_map_server(
         values: parameters of the node; they come before what the middleware knows of them.
         address: where to listen with Foxglove.
         beside: makes a context in which the node runs, such as that of another server of its map.
-        source: a map that others change, in place of one that is named.
+        source: a map that others change, instead of one that is named.
 
     Raises:
         HypermapError: If the middleware is missing, an argument or parameter is wrong, or the map

@@ -18,7 +18,7 @@ def checked(parameter: Parameter, value: Any) -> Value:
     """Return a value as the parameter's type.
 
     Raises:
-        HypermapError: If it is of another type, or not allowed.
+        HypermapError: If it is of a different type, or not allowed.
 
     >>> checked(Parameter("label_height", 0.5, "Height of labels [m].", minimum=0.0), 1)
     1.0
@@ -87,7 +87,7 @@ class ParameterSet:
         given: those that the operator has given, as given, and that hold for more than one run.
 
     Raises:
-        HypermapError: If a value is of another type, or not allowed.
+        HypermapError: If a value is of a different type, or not allowed.
     """
 
     def __init__(

@@ -131,8 +131,8 @@ class Port(Protocol):
             name: its name.
             type_name: its type.
             handler: takes the request and returns the response. A HypermapError that it raises is
-                logged and reaches the caller as the service's error, where the middleware has
-                such a thing.
+                logged and reaches the caller as the service's error, if the middleware has
+                service errors.
             failed: makes the response that carries an error's text as well as it can, for a
                 middleware whose services cannot fail: ROS 2.
         """
@@ -198,7 +198,7 @@ class Port(Protocol):
             on_change: called with the new values of those that changed while the node runs.
 
         Raises:
-            HypermapError: If a value is of another type, or not allowed.
+            HypermapError: If a value is of a different type, or not allowed.
         """
         ...
 

@@ -183,7 +183,7 @@ class _Message:
 
 @cache
 def _class(name: str) -> type[Any]:
-    """Return the class of a type, in place of the one of rosbags, which has no defaults."""
+    """Return the class of a type, instead of the one of rosbags, which has no defaults."""
     store = typestore()
     if name not in store.types:
         known = [other.replace("/msg/", "/") for other in store.types]

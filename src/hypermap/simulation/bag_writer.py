@@ -65,7 +65,7 @@ def write_bag(
     """
     path = Path(path)
     if path.exists():
-        raise FormatError("there is something already; name a new file", path=path)
+        raise FormatError("it already exists; name a new file", path=path)
     if not path.parent.is_dir():
         raise FileMissing(f"{path.parent}: there is no such folder")
     partial = path.with_name(f".{path.name}.{os.getpid()}")

@@ -26,32 +26,32 @@ Depth = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class DepthNoise:
-    """How a depth camera errs; the defaults are those of a Kinect.
+    """The errors of a depth camera; the defaults are those of a Kinect.
 
     Attributes:
-        principle: by what it measures, which says how its noise grows with distance:
+        principle: its measuring principle, which determines how noise grows with distance:
             "structured_light" [Nguyen et al. 2012], "stereo" [Intel 2020] or "tof", time of flight
             [Fankhauser et al. 2015].
         min_range: nothing is measured nearer than this [m].
         max_range: nothing is measured beyond this [m].
         axial: scale of the noise along the optical axis; 1 is as published, 0 none.
-        correlated: share of that noise's variance that neighboring pixels have in common, as
-            stereo and structured light match windows of pixels [Konolige, Mihelich 2011].
+        correlated: share of that noise's variance that neighboring pixels share, because stereo and
+            structured light match windows of pixels [Konolige, Mihelich 2011].
         correlation_length: about the size of such a window [pixels of the depth image].
         disparity_step: disparity is measured in steps of this many pixels; 0 for no steps.
         focal_baseline: disparity at 1 m, for the steps and for "stereo" [pixels].
-        scale: all depths are too large by this share, as with a wrong calibration; may be negative.
+        scale: share by which all depths are too large, as by a wrong calibration; may be negative.
         edge_loss: probability that a pixel next to a jump in depth has no return.
         flying: probability that a pixel next to a jump in depth has a depth anywhere between the
             two surfaces, which time of flight and stereo mix [Sarbolandi et al. 2015].
         max_incidence_deg: surfaces that the ray meets at a flatter angle than this from their
             normal give no return.
-        dark_surfaces: share of the world's things that are dark or glossy; which, the seed says.
-        dark_loss: share of the pixels on those that have no return, in patches.
+        dark_surfaces: share of the world's things that are dark or glossy; the seed chooses them.
+        dark_loss: share of their pixels that have no return, in patches.
         missing: share of all pixels that have no return, in patches, as on glossy floors and in
             sunlight.
-        glass_return: share of the pixels on glass that measure the glass; the others measure what
-            is behind it.
+        glass_return: share of the pixels on glass that measure the glass; the others measure the
+            surface behind it.
 
     Source: Nguyen, Izadi, Lovell, "Modeling Kinect sensor noise for improved 3D reconstruction and
     tracking", 3DIMPVT 2012, eq. 2 and 3. Khoshelham, Elberink, "Accuracy and resolution of Kinect
@@ -102,8 +102,8 @@ class DepthNoise:
         """Return the depth that the camera measures, float32, NaN for no return, shape (H, W).
 
         Args:
-            view: what is really there; what is behind glass where the camera sees that.
-            rng: all chance comes from here.
+            view: the true scene, and the scene behind glass.
+            rng: the source of randomness.
             dark: which things are dark, by their instance; None for none.
         """
         true = view.depth

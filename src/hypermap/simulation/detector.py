@@ -21,34 +21,34 @@ _BACKGROUND_SHARE = 0.9
 
 @dataclass(frozen=True)
 class DetectorNoise:
-    """How a detector errs.
+    """The errors of a detector.
 
     Attributes:
-        min_pixels: objects of which fewer pixels are visible are not found.
+        min_pixels: objects with fewer visible pixels are not found.
         miss: probability that an object is missed in a frame.
         flicker: probability per frame that an object is lost for a while.
-        flicker_frames: for how many frames it is then lost, in the mean.
-        looseness: by how much boxes are too large, as a share of their size, in the mean.
+        flicker_frames: mean number of frames for which it is then lost.
+        looseness: mean share of their size by which boxes are too large.
         shift: standard deviation of a box's center, as a share of its size.
         confusion: probability that an object gets the name of another class of the world.
-        false_positives: boxes around nothing, per frame, in the mean.
-        walls: large boxes on walls and floor with a name of `WALL_NAMES`, per frame, in the mean.
-        mask_margin: pixels by which masks, where there are any, reach past their objects.
+        false_positives: mean number of boxes around nothing per frame.
+        walls: mean number of large boxes on walls and floor with a name of `WALL_NAMES` per frame.
+        mask_margin: pixels by which masks, if there are any, extend beyond their objects.
         blackout: probability per frame that the detector finds nothing at all for a while.
-        blackout_frames: for how many frames it then finds nothing, in the mean.
+        blackout_frames: mean number of frames for which it then finds nothing.
         lasting_misses: probability that a thing as small as `hard_size` is one that the detector
-            hardly ever finds. Of a thing n times as large it is an n-th of that. Which things these
-            are, the seed says.
+            hardly ever finds. For a thing n times as large, it is an n-th of that. The seed
+            chooses these things.
         hard_size: the largest side of such a small thing [m].
         hard_miss: probability that one of these is missed in a frame.
-        false_places: places of the world, as a shadow or a picture, where the detector sees a thing
-            that is not there, each time that it looks from about the same side.
+        false_places: number of places, such as a shadow or a picture, where the detector sees a
+            thing that is not there whenever it looks from about the same side.
         false_place_rate: share of these frames in which it does.
-        lasting_confusion: share of the things that the detector takes for a like class in many
-            frames, as a screen for a laptop; which, the seed says.
+        lasting_confusion: share of the things that the detector assigns to a similar class in many
+            frames, such as a screen to laptop; the seed chooses them.
         confusion_rate: share of the frames in which it does.
 
-    Objects that are small are missed more often, and what is taken for what is not at random:
+    Small objects are missed more often, and classes are not confused at random:
     Hoiem, Chodpathumwan, Dai, "Diagnosing error in object detectors", ECCV 2012, sections 3 and 4.
     """
 

@@ -50,7 +50,7 @@ def laser_map(world: World, rng: np.random.Generator, bend: Bend | None = None) 
         bend: moves the places of the world before the laser sees them; None for no move.
     """
     if world.drive is None:
-        raise ValueError(f"the world {world.name!r} has no drive, on which a laser could map it")
+        raise ValueError(f"the world {world.name!r} has no drive, which a laser map needs")
     lines = outlines_at(_HEIGHT, _solid_parts(world))
     if bend is not None:
         lines = bend(lines.reshape(-1, 2)).reshape(-1, 2, 2)

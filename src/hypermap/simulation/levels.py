@@ -57,8 +57,8 @@ def errors_of_level(name: str, sensor: str = "kinect_v1") -> Errors:
 
     Args:
         name: "none"; "fair", exact poses and a fair detector; "robot", which adds localization that
-            drifts and jumps and a detector that takes walls for trains; "drift", the same with
-            odometry in place of localization; "rough", which adds to "robot" small lasting errors
+            drifts and jumps and a detector that mistakes walls for trains; "drift", the same with
+            odometry instead of localization; "rough", which adds to "robot" small lasting errors
             of calibration, surfaces, detector and map; or "harsh", twice these.
         sensor: the depth camera, a key of `SENSORS`.
 

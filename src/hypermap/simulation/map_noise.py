@@ -21,14 +21,14 @@ _WAVES = 8  # that a bend is made of
 
 @dataclass(frozen=True)
 class MapNoise:
-    """How the occupancy map of a recording errs. Not at all by default.
+    """The errors of a recording's occupancy map. None by default.
 
     Attributes:
-        source: "exact", the true map of walls and things; or "laser", what scan matching makes of
-            the scans of a planar laser on the drive, which sees of a table its legs.
-        bend: standard deviation in x and in y by which places of the map are off, as where scans
-            were matched a little wrong [m].
-        bend_length: over how many meters that changes.
+        source: "exact", the true map of walls and things; or "laser", a map by scan matching of a
+            planar laser on the drive, which sees only the legs of a table.
+        bend: standard deviation in x and in y of a smooth distortion of the map, as from slightly
+            wrong scan matching [m].
+        bend_length: correlation length of the distortion [m].
     """
 
     source: Literal["exact", "laser"] = "exact"
@@ -41,7 +41,7 @@ class MapNoise:
             raise ValueError("bend_length must be positive")
 
     def make(self, world: World, rng: np.random.Generator) -> OccupancyLayer:
-        """Return the map of a world, which has a drive if a laser is to see it."""
+        """Return the map of a world; for a laser, the world must have a drive."""
         bend = self._bend(rng) if self.bend else None
         if self.source == "laser":
             return laser_map(world, rng, bend)

@@ -46,7 +46,7 @@ def box(size: Sequence[float], center: Sequence[float], color: str) -> Part:
         ValueError: If a side is not positive, as when a seat lies above the chair's back.
     """
     if min(size) <= 0:
-        raise ValueError("these sizes do not fit together: a part would have no extent")
+        raise ValueError("these sizes do not work together: a part would have no extent")
     return _part(meshes.box(size), center, color)
 
 

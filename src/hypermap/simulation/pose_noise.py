@@ -15,30 +15,30 @@ from hypermap.simulation.ranges import check_not_negative
 
 @dataclass(frozen=True)
 class PoseNoise:
-    """How the poses of the camera err. Not at all by default.
+    """The errors of the camera's poses. None by default.
 
     Attributes:
-        position: standard deviation in x and in y of what changes from frame to frame [m].
-        yaw_deg: likewise of the heading [degrees].
+        position: standard deviation in x and in y of the error that changes every frame [m].
+        yaw_deg: the same for the heading [degrees].
         drift: standard deviation in x and in y of an error that changes slowly [m].
-        drift_yaw_deg: likewise of the heading [degrees].
-        drift_time: after how many seconds it has mostly changed.
-        jump_interval: seconds between jumps to another such error, in the mean, as when a robot
-            finds its place again; 0 for no jumps.
-        odometry: standard deviation of the position after 10 m, as a share of that; poses are then
-            counted by odometry, whose errors add up (see `odometry.drifted`).
-        odometry_yaw_deg: likewise of the heading by the way alone [degrees per meter].
-        odometry_turn: likewise of the heading after a full turn, as a share of it.
-        time_offset: by how many seconds the poses are older than the images, as where clocks differ
+        drift_yaw_deg: the same for the heading [degrees].
+        drift_time: time constant of the slow error [s].
+        jump_interval: mean time between jumps to another such error, as when a robot relocalizes
+            [s]; 0 for no jumps.
+        odometry: standard deviation of the position after 10 m, as a share of that; poses then
+            come from odometry, whose errors add up (see `odometry.drifted`).
+        odometry_yaw_deg: the same for the heading, by distance alone [degrees per meter].
+        odometry_turn: the same for the heading after a full turn, as a share of it.
+        time_offset: seconds by which the poses are older than the images, as when clocks differ
             or images arrive late; may be negative.
-        mounting_deg: by how much the camera is turned against how it is thought to be mounted, the
-            whole drive long, about an axis that the seed says [degrees].
-        mounting: by how much it is likewise moved, in a direction that the seed says [m].
+        mounting_deg: angle between the true and the assumed mounting of the camera during the
+            whole drive, about an axis that the seed chooses [degrees].
+        mounting: distance between the two, in a direction that the seed chooses [m].
 
-    The slow error is an Ornstein-Uhlenbeck process: it wanders, but stays bounded, as that of a
-    localization in a known map does. The offsets of time and of mounting are what a calibration
-    estimates [Furgale, Rehder, Siegwart, "Unified temporal and spatial calibration for multi-sensor
-    systems", IROS 2013], and what is there without one.
+    The slow error is an Ornstein-Uhlenbeck process: it wanders, but stays bounded, as the error of
+    localization in a known map does. A calibration would estimate the offsets of time and mounting
+    [Furgale, Rehder, Siegwart, "Unified temporal and spatial calibration for multi-sensor systems",
+    IROS 2013].
     """
 
     position: float = 0.0
@@ -71,7 +71,7 @@ class PoseNoise:
         Args:
             stamps: seconds, ascending, shape (N,).
             poses: true x, y, yaw [m, m, rad], shape (N, 3).
-            rng: all chance comes from here.
+            rng: the source of randomness.
         """
         sigma = [self.position, self.position, math.radians(self.yaw_deg)]
         estimated = poses + rng.normal(size=poses.shape) * sigma
@@ -84,7 +84,7 @@ class PoseNoise:
         return estimated
 
     def mounting_error(self, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Return where the optical frame is thought to be, seen from where it is, shape (4, 4)."""
+        """Return the assumed pose of the optical frame in the true one, shape (4, 4)."""
         axis, direction = rng.normal(size=(2, 3))
         error = np.eye(4)
         turn = math.radians(self.mounting_deg) * axis / np.linalg.norm(axis)

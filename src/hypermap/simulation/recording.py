@@ -39,11 +39,11 @@ _PERSON = 1.75  # meters
 class SimulatedRecording:
     """Fulfills `Recording`; frames are rendered when they are asked for.
 
-    The same arguments give the same frames, each time that they are asked for. A larger share of
-    bad frames spoils more of them, and leaves those that stay good as they were.
+    The same arguments always give the same frames. A larger share of bad frames adds more of them,
+    and does not change the good ones.
 
     Attributes:
-        world: what there is to see.
+        world: the scene.
         camera: the RGB-D camera.
         faults: the kind of fault of each bad frame, by the frame's number.
     """

@@ -45,7 +45,7 @@ SENSORS: Mapping[str, DepthNoise] = MappingProxyType(
 
 
 def sensor_of(name: str) -> DepthNoise:
-    """Return how a depth camera errs.
+    """Return the errors of a depth camera.
 
     Args:
         name: "kinect_v1", "realsense_d435" or "tof".

@@ -23,9 +23,9 @@ _GROUND = ("length", "width", "radius")  # sizes that a thing has on the floor
 def varied(world: World, seed: int) -> World:
     """Return a world with its things moved, turned and of other sizes, as its `variation` says.
 
-    What stands on a thing goes with it. Nothing comes to stand in anything else, in the robot's way
-    or off the floor, and things keep their order. A world without `variation` stays as it is. What
-    hangs at a wall stays there, and so do panels, as doors are.
+    Whatever stands on a thing moves with it. No thing ends up inside another, in the robot's way or
+    off the floor, and things keep their order. A world without `variation` is unchanged. Things on
+    walls stay there, and so do panels, such as doors.
     """
     if world.variation is None:
         return world

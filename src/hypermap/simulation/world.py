@@ -211,7 +211,7 @@ class World:
     Attributes:
         name: of the world.
         floor: its floor.
-        objects: the objects of the truth; their places in this list are their ids.
+        objects: the objects of the ground truth; their indices are their ids.
         walls: its walls.
         drive: how a robot drives through it; None if the file has no drive.
         variation: how its things differ from seed to seed; None if they do not.
@@ -246,7 +246,7 @@ def built_in_worlds() -> list[str]:
 
 
 def built_in_world(name: str) -> World:
-    """Return a world that comes with the package, as "lab".
+    """Return a world that comes with the package, such as "lab".
 
     Raises:
         HypermapError: If there is none of that name.
@@ -276,7 +276,7 @@ def load_world(path: str | Path) -> World:
         raise FileMissing(f"{path}: there is no such world file")
     data = read_yaml(path.read_bytes(), str(path), _TEXTS)
     if not isinstance(data, dict):
-        raise FormatError("a world file holds keys such as 'floor' and 'objects'", path=path)
+        raise FormatError("a world file has keys such as 'floor' and 'objects'", path=path)
     try:
         world = TypeAdapter(World).validate_python(data)
     except ValidationError as error:

@@ -43,7 +43,7 @@ def write_tum(
     """
     folder = Path(folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise FormatError("there is something already; name a new or an empty folder", path=folder)
+        raise FormatError("it already exists; name a new or an empty folder", path=folder)
     if not folder.parent.is_dir():
         raise FileMissing(f"{folder.parent}: there is no such folder")
     partial = folder.with_name(f".{folder.name}.{os.getpid()}")

@@ -157,7 +157,7 @@ def with_limits(
 
     What is only known to lie below a limit becomes the observation with the same effect, by
     expectation propagation (Minka 2001; Rasmussen and Williams 2006, section 3.6, with the limit
-    in place of the class).
+    instead of the class).
 
     Args:
         prior: of the nodes.

@@ -19,14 +19,14 @@ from hypermap.values.random_field import FieldSettings
 from hypermap.values.units import is_signal
 
 _NO_SAMPLES = Samples.of(np.empty((0, 2)), [])
-_GROWN = 2  # times as many samples as the settings were estimated from: they are estimated anew
+_GROWN = 2  # times as many samples as the settings were estimated from: they are estimated again
 
 
 class GrowingLayer:
     """A value layer that takes in samples in milliseconds each, by a `LiveField`.
 
-    The field is begun, and made anew, by `solve`, which takes longer. One thread adds samples and
-    solves; others may ask for the layer, move the samples or forget them meanwhile.
+    `solve` starts the field, and later computes it from scratch, which takes longer. One thread
+    adds samples and solves; others may get the layer, move the samples or forget them meanwhile.
 
     Args:
         name: of the layer.
@@ -89,13 +89,13 @@ class GrowingLayer:
                     self.revision += 1
 
     def solve(self, occupancy: OccupancyLayer | None) -> None:
-        """Make the field anew of all samples.
+        """Make the field from scratch from all samples.
 
         Args:
             occupancy: walls, and where the floor is.
 
         Raises:
-            HypermapError: If no field can be made of them; the layer then stays as it is.
+            HypermapError: If no field can be made of them; the layer then is unchanged.
         """
         with self._lock:
             samples, field = self._samples, self._field

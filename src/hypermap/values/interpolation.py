@@ -130,12 +130,12 @@ def _check_half_life(samples: Samples, half_life: float, method: str) -> None:
     if not (math.isfinite(half_life) and half_life > 0):
         raise HypermapError(f"a half-life is a positive number of seconds, got {half_life:g}")
     if method != "gmrf":
-        raise HypermapError(f"only the method gmrf lets old samples count less, not {method}")
+        raise HypermapError(f"only the method gmrf supports a half-life, not {method}")
     if np.isnan(samples.stamps).any():
         count = int(np.isnan(samples.stamps).sum())
         raise HypermapError(
-            f"{count} of {len(samples)} samples have no stamp, so that nobody knows how old they "
-            "are; leave out the half-life"
+            f"{count} of {len(samples)} samples have no stamp, so their age is unknown; leave out "
+            "the half-life"
         )
 
 

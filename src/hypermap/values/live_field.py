@@ -31,8 +31,9 @@ _FELT = 1e-3  # of a deviation: cells that change by less wait for a sample near
 class LiveField:
     """A quantity all over the floor, which new samples update.
 
-    A sample costs milliseconds; every hundredth, all is solved anew. Settings stay those of the
-    start. Cells change where the sample says at least a thousandth of a standard deviation.
+    A sample takes milliseconds; every hundredth one solves everything from scratch. The settings
+    stay those of the start. A cell changes if the sample changes it by at least a thousandth of a
+    standard deviation.
 
     Args:
         samples: known at the start, as `interpolate` takes them, like all others.

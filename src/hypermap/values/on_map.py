@@ -24,7 +24,7 @@ def known_layer(hypermap: Hypermap, name: str) -> ValueLayer | None:
     """Return the value layer of a name; None if there is no layer of that name.
 
     Raises:
-        HypermapError: If the layer of that name is of another kind.
+        HypermapError: If the layer of that name is of a different kind.
     """
     if name not in hypermap:
         return None
@@ -116,7 +116,7 @@ def made_again(layer: ValueLayer, samples: Samples, occupancy: OccupancyLayer | 
         occupancy: walls, and where the floor is.
 
     Raises:
-        HypermapError: If it cannot be made of them.
+        HypermapError: If it cannot be created from them.
     """
     method: Any = layer.made_by.get("method")
     if method not in METHODS or layer.grid is None:

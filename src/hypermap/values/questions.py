@@ -21,7 +21,7 @@ def value_layer_called(hypermap: Hypermap, name: str | None = None) -> ValueLaye
 
     Raises:
         LayerNotFound: If there is no layer of that name.
-        HypermapError: If it is of another kind, or, without a name, there is not one such layer.
+        HypermapError: If it is of a different kind; without a name, if there is not exactly one.
     """
     if name is not None:
         layer = hypermap[name]
@@ -75,7 +75,7 @@ def summaries_of(
         hypermap: the map.
         layer: name of the value layer; None for the only one.
         objects: as `Hypermap.objects` returns them.
-        around: how far around an object that is no room [m].
+        around: how far around an object that is not a room [m].
 
     Raises:
         HypermapError: As `value_layer_called` raises it.

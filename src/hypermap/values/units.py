@@ -48,7 +48,7 @@ _ALSO = {
     "kelvin": "K",
     "mbar": "hPa",
     "uT": "µT",
-    "μT": "µT",  # a Greek letter in place of the micro sign
+    "μT": "µT",  # a Greek letter instead of the micro sign
     "percent": "%",
 }
 

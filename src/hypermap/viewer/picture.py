@@ -190,18 +190,7 @@ def compose(
 ) -> Drawing:
     """Return what `render` draws: all layers brought into the base frame, and the view."""
     shown = hypermap.layers if layers is None else [hypermap[name] for name in layers]
-    rasters: list[Raster] = []
-    shapes: list[Shapes] = []
-    for layer in shown:
-        picture = layer.picture()
-        if picture is None:
-            continue
-        base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
-        if isinstance(picture, RasterPicture):
-            rasters.append(Raster(layer.name, picture, base_T_layer @ picture.grid.origin))
-        else:
-            shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
-    shapes.sort(key=lambda part: part.layer != ROOMS)  # rooms hold all others
+    rasters, shapes = _parts(hypermap, shown)
     walls: list[Raster] = []
     if any(isinstance(layer, ValueLayer) for layer in shown):
         # Values have larger cells than walls, which they would cover, and rooms would cover them.
@@ -235,6 +224,23 @@ def compose(
         contours=_contours(hypermap, shown) if contours else (),
         marks=marks,
     )
+
+
+def _parts(hypermap: Hypermap, shown: Iterable[Layer]) -> tuple[list[Raster], list[Shapes]]:
+    """Return the pictures of layers in the base frame; rooms come first, below all others."""
+    rasters: list[Raster] = []
+    shapes: list[Shapes] = []
+    for layer in shown:
+        picture = layer.picture()
+        if picture is None:
+            continue
+        base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
+        if isinstance(picture, RasterPicture):
+            rasters.append(Raster(layer.name, picture, base_T_layer @ picture.grid.origin))
+        else:
+            shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
+    shapes.sort(key=lambda part: part.layer != ROOMS)
+    return rasters, shapes
 
 
 def _contours(hypermap: Hypermap, shown: Iterable[Layer]) -> tuple[Contours, ...]:

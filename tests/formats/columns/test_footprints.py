@@ -114,7 +114,7 @@ def test_large_binary_that_is_cut_off_or_none_is_refused() -> None:
     for end in (5000, len(PAIR.wkb) - 1):
         with pytest.raises(ValueError, match="is not well-known binary"):
             footprints_from_wkb(as_objects([PAIR.wkb[:end]]))
-    with pytest.raises(TypeError, match="well-known binary is of bytes, got str"):
+    with pytest.raises(TypeError, match="well-known binary must be bytes, got str"):
         footprints_from_wkb(as_objects([CIRCLE.wkb_hex]))
 
 

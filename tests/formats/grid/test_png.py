@@ -77,7 +77,7 @@ def test_rows_may_be_filtered_or_not(filters: list[int], band_bytes: int, width:
 
 def test_other_filters_are_left_to_pillow() -> None:
     picture = np.zeros((3, 3, 2), np.uint8)
-    with pytest.raises(ValueError, match="other filters"):
+    with pytest.raises(ValueError, match="unsupported filters"):
         decoded(with_filters(picture, [2, 4, 0]))
 
 

@@ -84,7 +84,7 @@ NO_NUMBERS = "m.hmap/warmth.npy: is not a .npy file of rows and columns of float
         ("warmth.samples.npy", npy(np.array([[0, 1e10, 1, 0, 0]])),
          "m.hmap/warmth.samples.npy: a sample is farther away than 1e+09 m"),
         ("warmth.samples.npy", npy(np.array([[0, 0, 1, 0.5, 0]])),
-         "m.hmap/warmth.samples.npy: whether a value is a limit must be 0 or 1"),
+         "m.hmap/warmth.samples.npy: the column for censored values must be 0 or 1"),
     ],
 )  # fmt: skip
 def test_a_broken_file_gives_one_clear_error(name, content, message):

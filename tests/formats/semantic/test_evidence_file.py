@@ -205,7 +205,7 @@ def test_damaged_evidence_is_reported_when_asked_for_and_kept(
             ask()
     assert caplog.text == ""
     save_map(open_map(path), tmp_path / "again.hmap")
-    assert "the evidence behind the objects stays as it is" in caplog.text
+    assert "the evidence behind the objects is unchanged" in caplog.text
     with zipfile.ZipFile(tmp_path / "again.hmap") as archive:
         assert archive.read("semantic.evidence.json") == file.read_bytes()
 

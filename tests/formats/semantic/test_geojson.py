@@ -66,7 +66,7 @@ def test_a_file_without_frame_needs_one_and_a_name_can_be_given() -> None:
     with pytest.raises(FormatError) as error:
         from_geojson(json.dumps(document), path="cups.geojson")
     assert str(error.value) == (
-        "cups.geojson: crs: is missing, as GIS programs leave it out; if coordinates are meters in "
+        "cups.geojson: crs: is missing, because GIS programs omit it; if coordinates are meters in "
         'a frame of the map, name it: --frame map, or frame_id="map" in Python'
     )
     layer = from_geojson(json.dumps(document), frame_id="odom")

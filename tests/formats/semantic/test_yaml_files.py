@@ -170,7 +170,7 @@ def test_words_that_yaml_takes_for_something_else_are_names() -> None:
         (f"{{name: cup, shape: '{SQUARE}', id: 2}}", "its id 2 is that of another object"),
         (
             f"{{name: cup, shape: '{SCRIBBLE}'}}",
-            "an outline of 3001 corners crosses or touches itself so often",
+            "an outline of 3001 corners crosses or touches itself too often",
         ),
     ],
 )

@@ -58,7 +58,7 @@ def test_a_plugin_that_cannot_make_its_detector_is_named() -> None:
     with pytest.raises(HypermapError) as error:
         load_detector("whole:nothing")
     assert str(error.value) == (
-        "detector plug-in 'whole' (whole_image:WholeImage) cannot be made of 'nothing': "
+        "detector plug-in 'whole' (whole_image:WholeImage) cannot be created from 'nothing': "
         "FileNotFoundError: there is no nothing"
     )
 

@@ -40,30 +40,31 @@ FAILING = [
     [
         (
             {"constants": {"logits": np.zeros((1, 1000))}},
-            f"the outputs of the model are not understood: logits (1, 1000); {KNOWN}",
+            f"the outputs of the model have no known layout: logits (1, 1000); {KNOWN}",
         ),
         (
             {"constants": {"boxes": np.zeros((1, 9, 4)), "logits": np.zeros((1, 9, 80))}},
-            "the outputs of the model are not understood: "
+            "the outputs of the model have no known layout: "
             f"boxes (1, 9, 4), logits (1, 9, 80); {KNOWN}",
         ),
         (
             {"constants": {"labels": np.zeros((1, 9)), "boxes": np.zeros((1, 8, 4))}}
             | {"outputs": ["labels", "boxes"]},
-            f"the outputs of the model are not understood: labels (1, 9), boxes (1, 8, 4); {KNOWN}",
+            "the outputs of the model have no known layout: labels (1, 9), boxes (1, 8, 4); "
+            f"{KNOWN}",
         ),
         (
             {"constants": {f"scale{n}": np.zeros((1, 3, n, n, 8)) for n in (8, 4, 2)}},
-            "the outputs of the model are not understood: scale8 (1, 3, 8, 8, 8), "
+            "the outputs of the model have no known layout: scale8 (1, 3, 8, 8, 8), "
             f"scale4 (1, 3, 4, 4, 8), scale2 (1, 3, 2, 2, 8); {KNOWN}",
         ),
         (
             {"constants": {"table": np.ones((1, 100, 17)) * 9}},
-            f"the outputs of the model are not understood: table (1, 100, 17); {KNOWN}",
+            f"the outputs of the model have no known layout: table (1, 100, 17); {KNOWN}",
         ),
         (
             {"constants": {"table": np.zeros((1, 0, 0))}},
-            f"the outputs of the model are not understood: table (1, 0, 0); {KNOWN}",
+            f"the outputs of the model have no known layout: table (1, 0, 0); {KNOWN}",
         ),
         (
             {"constants": {"output0": np.ones((1, 7, 84)) * 9}},
@@ -72,7 +73,7 @@ FAILING = [
         ),
         (
             {"constants": {"output0": np.full((1, 7, 84), np.nan)}},
-            "the model answers NaN or infinity",
+            "the model returned NaN or infinity",
         ),
         (
             {"constants": {"output0": np.zeros((1, 56, 84))}, "metadata": {"task": "pose"}},

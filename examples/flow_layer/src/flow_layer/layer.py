@@ -155,7 +155,7 @@ def _checked(cells: ArrayLike, grid: GridGeometry) -> NDArray[np.float32]:
     if given.shape != grid.shape:
         raise ValueError(f"cells must have shape {grid.shape}, got {given.shape}")
     if np.isinf(given).any():
-        raise ValueError("cells must be finite, or NaN where nothing is known")
+        raise ValueError("cells must be finite, or NaN where unknown")
     turned = np.arctan2(np.sin(given), np.cos(given))
     headings = np.where(np.abs(given) > np.float32(np.pi), turned, given).astype(np.float32)
     headings.flags.writeable = False

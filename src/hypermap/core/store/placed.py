@@ -243,7 +243,7 @@ class Matches:
 
     @classmethod
     def of_shapes(cls, shapes: ObjectArray) -> Matches:
-        """Return shapes of a question in the base frame, which are no objects of a map."""
+        """Return shapes of a question in the base frame, which are not objects of a map."""
         centroids = shapely.get_coordinates(shapely.centroid(shapes))
         keys = np.full(len(shapes), NO_OBJECT, dtype=np.int64)
         return cls(PlacedLayers([]), Placed(shapes, centroids, keys))

@@ -103,7 +103,9 @@ def _with_all_slashes(text: str) -> str:
     match = _BEGIN.match(text)
     if match is None:
         shown = without_password(text.partition("?")[0])
-        raise StoreError(f"{shown!r} is no address of a store: postgresql://USER@HOST/DATABASE")
+        raise StoreError(
+            f"{shown!r} is not the address of a store: postgresql://USER@HOST/DATABASE"
+        )
     slashes, rest = match[1], text[match.end() :]
     if len(slashes) == 1:
         slashes = "//" if "/" in rest.partition("?")[0] else "///"

@@ -156,7 +156,9 @@ class Database:
             connection = self._connection
             if connection is None or connection.closed or connection.broken:
                 reason = _reason(error)
-                raise StoreAway(f"{self.address.shown}: the database is away: {reason}") from None
+                raise StoreAway(
+                    f"{self.address.shown}: the database cannot be reached: {reason}"
+                ) from None
             raise StoreError(f"{self.address.shown}: {_reason(error)}") from None
         except (psycopg.DataError, psycopg.InternalError) as error:  # the latter of PostGIS
             raise StoreError(f"{self.address.shown}: {_reason(error)}") from None

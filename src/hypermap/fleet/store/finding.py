@@ -1,4 +1,4 @@
-"""Where things are at many sites: in a store, or in a folder of maps."""
+"""Where objects are at many sites: in a store, or in a folder of maps."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ WHERE valid_to IS NULL AND objects.name = ANY (%(names)s) AND layers.name <> 'ro
 
 
 class Sighting(NamedTuple):
-    """A thing that was found at a site.
+    """An object that was found at a site.
 
     Attributes:
         site: the name of the site, or of the file.
@@ -104,7 +104,7 @@ def find_in_store(
     point_xy: tuple[float, float] = (0.0, 0.0),
     last_seen_before: float | None = None,
 ) -> list[Sighting]:
-    """Return the things with one of some names at all sites of a store.
+    """Return the objects with one of some names at all sites of a store.
 
     Args:
         database: the store.
@@ -136,7 +136,7 @@ def find_in_folder(
     last_seen_before: float | None = None,
     on_map: Callable[[], None] = lambda: None,
 ) -> tuple[list[Sighting], list[HypermapError]]:
-    """Return the things with one of some names in all maps of a folder and those within.
+    """Return the objects with one of some names in all maps of a folder and those within.
 
     A map that cannot be read is left out.
 
@@ -205,7 +205,7 @@ def seen_in_future(found: Iterable[Sighting], now: float | None = None) -> list[
 
 
 def as_geodataframe(found: Sequence[Sighting]) -> GeoDataFrame:
-    """Return one row per thing, with its outline in the frame of its site.
+    """Return one row per object, with its outline in the frame of its site.
 
     Raises:
         MissingExtra: If geopandas is not installed.

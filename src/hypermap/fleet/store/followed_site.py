@@ -143,7 +143,7 @@ class FollowedSite:
         try:
             self._take_over()
         except StoreAway as error:
-            _log.warning("the map stays as it is for now: %s", error)
+            _log.warning("the map is unchanged for now: %s", error)
             self._ended.wait(_PATIENCE)
 
     def _take_over(self) -> None:

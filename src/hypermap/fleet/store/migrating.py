@@ -43,11 +43,11 @@ def migrate(address: Address) -> str:
             command.upgrade(config, "head")
     except CommandError:
         raise StoreError(
-            f"{address.shown}: a later program has made this store; update Hypermap"
+            f"{address.shown}: a later version of Hypermap made this store; update Hypermap"
         ) from None
     except exc.DBAPIError as error:
         reason = str(error.orig).splitlines()[0]
-        raise StoreError(f"{address.shown}: cannot make the tables: {reason}") from None
+        raise StoreError(f"{address.shown}: cannot create the tables: {reason}") from None
     return ScriptDirectory.from_config(config).get_current_head() or ""
 
 

@@ -185,7 +185,7 @@ class _Writing:
             common = shapely.area(shapely.intersection(shape, other))
             iou = common / max(shape.area + other.area - common, 1e-12)
             if iou >= best_iou:
-                # What nobody maps was made by a person or in another run, and stays as it is.
+                # What nobody maps was made by a person or in another run, and stays unchanged.
                 best, best_iou = _Track(number, version if written == version else -1), iou
         return best
 

@@ -239,7 +239,7 @@ def _check_same_map(
     given = hypermap.metadata.get(MAP_ID)
     if there is not None and there != given:
         raise SiteExists(
-            f"{database.address.shown}: site {site!r} holds another map, with the id {there}, not "
+            f"{database.address.shown}: site {site!r} has another map, with the id {there}, not "
             f"{given or 'one without an id'}; give --another-map to replace it, or another name"
         )
 

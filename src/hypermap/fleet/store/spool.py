@@ -52,7 +52,7 @@ class Spool:
     """A file of observations in the order in which they were put.
 
     Raises:
-        HypermapError: If the file cannot be opened, or is no spool.
+        HypermapError: If the file cannot be opened, or is not a spool.
     """
 
     def __init__(self, path: Path) -> None:

@@ -54,7 +54,7 @@ class Table:
     def put(
         self, cursor: Cursor[Any], owner: int, version: int, rows: Iterable[tuple[Any, ...]]
     ) -> None:
-        """Let an owner have these rows from a version on, in place of those with the same keys."""
+        """Let an owner have these rows from a version on, instead of those with the same keys."""
         self._bring(cursor, rows)
         cursor.execute(self._statement(_END_REPLACED), (version, owner))
         cursor.execute(self._statement(_ADD_ALL), (owner, version))

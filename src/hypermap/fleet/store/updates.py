@@ -139,7 +139,7 @@ def _check_seen(
             what = "removed" if version is None else f"changed, in version {version}"
             raise Conflict(
                 f"{database.address.shown}: object {number} of layer {update.layer!r} of site "
-                f"{update.site!r} was {what}, by another; look at it again"
+                f"{update.site!r} was {what}, by someone else; read it again"
             )
     return {number: position for number, (position, _) in now.items()}
 

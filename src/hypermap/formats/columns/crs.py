@@ -25,7 +25,7 @@ class System:
 
     Attributes:
         name: as a person knows it.
-        frame_id: the frame in which coordinates are meters; None if it is a system of another kind.
+        frame_id: the frame in which coordinates are meters; None for all other systems.
     """
 
     name: str
@@ -68,13 +68,13 @@ def frame_of(system: System | None, given: str | None, path: str | None, key: st
         key: the key of the system in the file.
 
     Raises:
-        FormatError: If the system is of another kind, or there is no frame.
+        FormatError: If the system is of a different kind, or there is no frame.
     """
     check_meters(system, path, key)
     frame = given or (system.frame_id if system else None)
     if frame is None:
         raise FormatError(
-            "is missing, as GIS programs leave it out; if coordinates are meters in a frame of the "
+            "is missing, because GIS programs omit it; if coordinates are meters in a frame of the "
             'map, name it: --frame map, or frame_id="map" in Python',
             path=path,
             key=key,

@@ -54,7 +54,7 @@ def footprints_from_wkb(binaries: ObjectArray) -> ObjectArray:
     """
     for binary in binaries:
         if not isinstance(binary, bytes):
-            raise TypeError(f"well-known binary is of bytes, got {type(binary).__name__}")
+            raise TypeError(f"well-known binary must be bytes, got {type(binary).__name__}")
         if len(binary) > _SMALL_WKB and not _is_flat(binary):
             raise ValueError("a footprint must be a polygon or multipolygon in the plane")
     try:

@@ -21,7 +21,7 @@ from hypermap.formats.columns.numbers import numbers_from_json
 _NUMBER = b"-+0123456789.eE"
 _DENSE = re.compile(rb"POLYGON\(\( (?:, )*\)\)")  # 0 0,1 0,1 1 without the numbers
 _SPACED = re.compile(rb"POLYGON\(\( (?:,  )*\)\)")  # 0 0, 1 0, 1 1
-# To JSON: a comma after each number, and blanks in place of everything else.
+# To JSON: a comma after each number, and blanks instead of everything else.
 _DENSE_TO_JSON = bytes.maketrans(b"POLYGN() \n", b"        ,,")
 _SPACED_TO_JSON = bytes.maketrans(b"POLYGN(), \n", b"         ,,")
 _WKB_HEAD = np.dtype([("order", "u1"), ("kind", "<u4"), ("rings", "<u4"), ("corners", "<u4")])

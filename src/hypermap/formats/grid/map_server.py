@@ -158,7 +158,7 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
         described: how to read it.
 
     Raises:
-        FormatError: If it is no picture, is damaged, or has more pixels than are allowed.
+        FormatError: If it is not a picture, is damaged, or has more pixels than are allowed.
     """
     size = gray_alpha_size(content)
     if size is not None:

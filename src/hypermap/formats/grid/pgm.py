@@ -58,7 +58,7 @@ def _dump(
         raise HypermapError(f"layer {layer.name!r} is empty: there is no grid to save")
     if layer.cells.max() > OCCUPIED:
         raise HypermapError(
-            f"layer {layer.name!r} is a raw map, of values up to {layer.cells.max()}: a .pgm holds "
+            f"layer {layer.name!r} is a raw map, of values up to {layer.cells.max()}: a .pgm has "
             "only free, occupied and unknown; save it as .yaml"
         )
     origin = layer.grid.origin

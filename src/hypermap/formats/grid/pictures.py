@@ -58,7 +58,7 @@ def decode_gray(content: bytes, path: str) -> GrayPicture:
         path: how messages name it.
 
     Raises:
-        FormatError: If it is no picture, is damaged, or has more pixels than are allowed.
+        FormatError: If it is not a picture, is damaged, or has more pixels than are allowed.
     """
     try:
         with warnings.catch_warnings():

@@ -79,7 +79,7 @@ def decode_gray_alpha(content: bytes, width: int, height: int) -> Iterator[NDArr
     for filtered in _filtered(content, width, height):
         filters, rows = filtered[:, 0], filtered[:, 1:]
         if not ((filters == _PLAIN) | (filters == _UP)).all():
-            raise ValueError("the picture has other filters")
+            raise ValueError("the picture has unsupported filters")
         band = rows.copy()
         for start, end in _runs(filters):
             if filters[start] == _UP:  # each row is the sum of all rows since the last plain one

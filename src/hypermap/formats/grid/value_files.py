@@ -130,7 +130,7 @@ def _samples(columns: NDArray[np.float64], path: str) -> Samples:
         if not (np.abs(columns[:, :2]) <= limits.MAX_PLACE).all():
             raise ValueError(f"a sample is farther away than {limits.MAX_PLACE:g} m")
         if not np.isin(is_below, (0, 1)).all():
-            raise ValueError("whether a value is a limit must be 0 or 1")
+            raise ValueError("the column for censored values must be 0 or 1")
         return Samples.of(np.column_stack([x, y]), values, is_below, stamps)
     except ValueError as error:
         raise FormatError(str(error), path=path) from None

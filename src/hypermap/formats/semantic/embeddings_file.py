@@ -87,7 +87,7 @@ def parse_embeddings(content: bytes, path: str) -> Embeddings:
         path: how messages name it.
 
     Raises:
-        FormatError: If it holds none, or is of a later version.
+        FormatError: If it has none, or is of a later version.
     """
     file = parse_arrays(content, FORMAT, VERSION, path)
     try:
@@ -116,8 +116,8 @@ def unpacked_embeddings(model: Any, arrays: Mapping[str, NDArray[Any]]) -> Embed
         KeyError, ValueError, TypeError: If the arrays hold none.
     """
     if not isinstance(model, str):
-        raise TypeError("the model of the embeddings is no text")
+        raise TypeError("the model of the embeddings is not text")
     ids, lengths = arrays["embedding.object"], arrays["embedding.length"]
     if ids.dtype != np.int64 or ids.ndim != 1:
-        raise ValueError("the ids of the embeddings are no column of whole numbers")
+        raise ValueError("the ids of the embeddings are not a column of integers")
     return Embeddings(model, ids, arrays["embedding.vector"], lengths)

@@ -90,7 +90,7 @@ def save_evidence(layer: SemanticLayer, store: Store, file: str) -> Mapping[str,
         evidence = layer.evidence()
         content = dump_evidence(evidence) if evidence is not None and len(evidence) else b""
     except FormatError as error:
-        logger.warning("the evidence behind the objects stays as it is: %s", error)
+        logger.warning("the evidence behind the objects is unchanged: %s", error)
         content = kept.content if isinstance(kept, EvidenceFile) else b""
     if len(content) > limits.MAX_EVIDENCE_BYTES:
         megabytes = len(content) // 1_000_000
@@ -140,7 +140,7 @@ def parse_evidence(content: bytes, path: str) -> EvidenceTable:
         path: how messages name it.
 
     Raises:
-        FormatError: If it holds none, or is of a later version.
+        FormatError: If it has none, or is of a later version.
     """
     if len(content) > limits.MAX_EVIDENCE_BYTES:
         raise FormatError(
@@ -240,7 +240,7 @@ def _whole(values: Any) -> NDArray[np.int64]:
 def _counts(values: Any) -> NDArray[np.int64]:
     counts = _whole(values)
     if (counts < 0).any() or counts.max(initial=0) > limits.MAX_EVIDENCE_BYTES:
-        raise ValueError("counts of parts must be 0 or more, and not absurdly large")
+        raise ValueError("counts of parts must be 0 or more, and not too large")
     return counts
 
 

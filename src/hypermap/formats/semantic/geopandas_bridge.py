@@ -115,7 +115,7 @@ def from_geodataframe(
             system names.
 
     Raises:
-        FormatError: Naming the row that is wrong; or if the coordinates are no meters of a frame.
+        FormatError: Naming the row that is wrong; or if the coordinates are not meters of a frame.
     """
     frame_id = frame_of(_system_of(frame), frame_id, _WHERE, "crs")
     geometries, rows = list(frame.geometry), frame.drop(columns=frame.geometry.name)

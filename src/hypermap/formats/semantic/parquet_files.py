@@ -300,7 +300,7 @@ def attributes_of_text(text: str, path: str) -> dict[Any, Any]:
     """Return the attributes in a text of `attributes_as_text`.
 
     Raises:
-        FormatError: If it holds none.
+        FormatError: If it has none.
     """
     if text.startswith("{"):
         try:

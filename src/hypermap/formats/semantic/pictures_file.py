@@ -90,7 +90,7 @@ def parse_pictures(content: bytes, path: str) -> dict[int, tuple[ObjectPicture, 
         path: how messages name it.
 
     Raises:
-        FormatError: If it holds none, or is of a later version.
+        FormatError: If it has none, or is of a later version.
     """
     try:
         return unpacked_pictures(parse_arrays(content, FORMAT, VERSION, path).arrays)
@@ -119,9 +119,9 @@ def unpacked_pictures(arrays: Mapping[str, NDArray[Any]]) -> dict[int, tuple[Obj
     content, lengths = arrays["picture.jpeg"].tobytes(), arrays["picture.length"]
     ids, numbers = arrays["picture.object"], arrays["picture.numbers"]
     if ids.shape != lengths.shape or numbers.shape != (len(ids), 4) or ids.dtype != np.int64:
-        raise ValueError("the columns of the pictures do not fit")
+        raise ValueError("the columns of the pictures differ in length")
     if lengths.dtype != np.int64 or (lengths < 0).any() or lengths.sum() != len(content):
-        raise ValueError("the lengths of the pictures do not fit")
+        raise ValueError("the lengths of the pictures do not match the data")
     found: dict[int, list[ObjectPicture]] = {}
     ends = np.cumsum(lengths).tolist()
     for number, values, length, end in zip(

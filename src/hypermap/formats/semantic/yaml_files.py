@@ -167,7 +167,7 @@ def parse_objects(content: bytes, path: str) -> tuple[list[SemanticObject], list
         path: how messages name it.
 
     Raises:
-        FormatError: If the file is no list in YAML.
+        FormatError: If the file is not a list in YAML.
     """
     entries = read_yaml(content, path, _TEXT)
     if entries is None:
@@ -197,7 +197,7 @@ def parse_table(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected]]
     """Like `parse_objects`, but return columns; much faster for most files.
 
     Raises:
-        FormatError: If the file is no list in YAML.
+        FormatError: If the file is not a list in YAML.
     """
     table = read_regular(content)
     if table is not None:

@@ -244,7 +244,7 @@ def _other_layers(first: Hypermap, second: Hypermap, a_T_b: Pose2D, skip: set[st
     try:
         frames = FrameTree([*first.frames, *second.frames])
     except FrameError as error:
-        raise FrameError(f"the frames of the two maps do not go together: {error}") from None
+        raise FrameError(f"the frames of the two maps do not fit together: {error}") from None
     layers, renamed = [], {}
     used = {layer.name for layer in first} | {SEMANTIC}
     for layer in second:

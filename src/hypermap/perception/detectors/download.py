@@ -98,8 +98,8 @@ def _fill(file: IO[bytes], network: KnownNetwork, address: str, on_progress: Pro
         file.truncate(0)
         raise HypermapError(
             f"{address}: this is not {network.name}: {size} bytes with the SHA-256 {found}, "
-            f"expected {network.size} with {network.sha256}; nothing was kept. A proxy or a mirror "
-            "may have sent something else"
+            f"expected {network.size} with {network.sha256}; the download was "
+            "deleted. A proxy or a mirror may have sent something else"
         )
 
 
@@ -143,7 +143,7 @@ def _append(file: IO[bytes], size: int, address: str, on_progress: Progress) -> 
         while have < size:
             chunk = _read(answer, min(_CHUNK, size - have))
             if not chunk:
-                raise _BrokenOff("the connection broke off")
+                raise _BrokenOff("the connection was interrupted")
             file.write(chunk)
             have += len(chunk)
             on_progress(have)
@@ -185,7 +185,9 @@ def _read(answer: Any, most: int) -> bytes:
     try:
         return bytes(answer.read(most))
     except _BROKEN as error:
-        raise _BrokenOff(f"the connection broke off: {error or type(error).__name__}") from None
+        raise _BrokenOff(
+            f"the connection was interrupted: {error or type(error).__name__}"
+        ) from None
 
 
 @contextlib.contextmanager

@@ -71,7 +71,7 @@ def _made_by(plugin: EntryPoint, argument: str) -> Detector:
         raise
     except Exception as error:
         raise HypermapError(
-            f"detector plug-in {plugin.name!r} ({plugin.value}) cannot be made of {argument!r}: "
-            f"{type(error).__name__}: {error}"
+            f"detector plug-in {plugin.name!r} ({plugin.value}) cannot be created from "
+            f"{argument!r}: {type(error).__name__}: {error}"
         ) from error
     return detector

@@ -126,7 +126,7 @@ def _recognise(model: OnnxModel) -> tuple[Layout, Candidates]:
         found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
         known = "; ".join(f"{layout.name}: {layout.shape}" for layout in LAYOUTS)
         raise FormatError(
-            f"the outputs of the model are not understood: {found}; known are: {known}; "
+            f"the outputs of the model have no known layout: {found}; known are: {known}; "
             "YOLO also with masks: (1, 32, h, w)",
             path=model.path,
         ) from error

@@ -78,7 +78,7 @@ class OnnxModel:
             if isinstance(output, np.ndarray) and output.dtype.kind in "fiu"
         }
         if not all(np.isfinite(array).all() for array in arrays.values()):
-            raise FormatError("the model answers NaN or infinity", path=self.path)
+            raise FormatError("the model returned NaN or infinity", path=self.path)
         return arrays
 
     def _inputs(self, image: NDArray[np.float32]) -> dict[str, NDArray[Any]]:
@@ -95,7 +95,7 @@ def open_session(path: Path, threads: int | None) -> Any:
     """Return ONNX Runtime's session of a file; `threads` is how many it may use, None for all.
 
     Raises:
-        FormatError: If it is no network that can be run here.
+        FormatError: If it is not a network that can be run here.
     """
     # Some builds report what is loaded to their vendor; turn that off.
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")

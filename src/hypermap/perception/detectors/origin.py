@@ -62,8 +62,8 @@ def detection_origin(
     """Return where detections come from; None if there are to be no objects.
 
     Raises:
-        HypermapError: If the user says two things, there are no detections, or the recording in
-            which these are looked for cannot be mapped at all.
+        HypermapError: If the options contradict each other, there are no detections, or the
+            recording cannot be mapped at all.
     """
     if detector is not None and detections is not None:
         raise HypermapError("give either --detector or --detections, not both")

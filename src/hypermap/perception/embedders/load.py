@@ -37,7 +37,7 @@ def load_embedder(path: str | Path, threads: int | None = None) -> Embedder:
             raise
         except Exception as error:
             raise HypermapError(
-                f"embedder plug-in {name!r} cannot be made of {argument!r}: {error}"
+                f"embedder plug-in {name!r} cannot be created from {argument!r}: {error}"
             ) from error
         return made
     if colon and not Path(path).exists():
@@ -57,7 +57,7 @@ def embedder_in_use() -> Embedder:
     path = os.environ.get(ENVIRONMENT)
     if not path:
         raise HypermapError(
-            "to find what looks like a text, name the encoders that mapping used: "
+            "to search by appearance, name the encoders that mapping used: "
             f"--embedder FOLDER, or {ENVIRONMENT} in the environment"
         )
     return _kept(path)

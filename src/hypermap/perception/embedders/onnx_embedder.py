@@ -124,7 +124,7 @@ class OnnxEmbedder:
                 for key, default in (("image_mean", _MEAN), ("image_std", _DEVIATION))
             )
         except (TypeError, ValueError, KeyError) as error:
-            raise FormatError(f"is no description of images: {error}", path=path) from None
+            raise FormatError(f"is not a description of images: {error}", path=path) from None
         if not all(1 <= side <= MAX_SIDE for side in size) or not (deviation > 0).all():
             raise FormatError("the size or the deviation of images is out of range", path=path)
         return _Preparation(size, mean, deviation)
@@ -201,5 +201,5 @@ def _json(path: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         raise FormatError(f"cannot be read: {error}", path=path) from None
     if not isinstance(values, dict):
-        raise FormatError("is no JSON object", path=path)
+        raise FormatError("is not a JSON object", path=path)
     return values

@@ -48,7 +48,7 @@ class Tokens:
         try:
             self._tokenizer: Any = tokenizers.Tokenizer.from_file(str(path))
         except Exception as error:  # the library raises nothing more special
-            raise FormatError(f"is no tokenizer: {error}", path=path) from None
+            raise FormatError(f"is not a tokenizer: {error}", path=path) from None
         settings = _settings(folder / "tokenizer_config.json")
         longest = settings.get("model_max_length")
         self._length: int | None = None

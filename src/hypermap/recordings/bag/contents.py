@@ -123,4 +123,4 @@ def _detections(topic: str, message: Any) -> tuple[int, Detections]:
     try:
         return detections_of(message)
     except (FormatError, AttributeError, ValueError) as error:
-        raise FormatError(f"the detections are not understood: {error}", key=topic) from None
+        raise FormatError(f"the detections cannot be read: {error}", key=topic) from None

@@ -120,7 +120,7 @@ class BagFile:
             return self._stores[key].deserialize_cdr(data, connection.msgtype)
         except KeyError:
             raise FormatError(
-                f"the bag does not say what a {connection.msgtype} is", key=connection.topic
+                f"the bag does not define the type {connection.msgtype}", key=connection.topic
             ) from None
         except Exception as error:
             raise DamagedMessage(f"a message is damaged: {error}", key=connection.topic) from None
@@ -175,7 +175,8 @@ def _types_of(connection: Connection) -> Typestore:
         )
         if missing := there - here:
             raise FormatError(
-                f"by the bag, a {name} has no {min(missing)}; it does in ROS", key=connection.topic
+                f"in the bag's definitions, a {name} has no {min(missing)}; it does in ROS",
+                key=connection.topic,
             )
     return store
 

@@ -50,7 +50,7 @@ class BagPlan:
         self._options = options
 
     def problems(self) -> list[str]:
-        """Return a sentence for each missing thing without which there are no frames."""
+        """Return a sentence for everything missing without which there are no frames."""
         needs = ("geometry_topic", "camera", "motion", "frames", "color_topic", "registration")
         return problems_of(self, *needs)
 
@@ -194,7 +194,7 @@ class BagPlan:
             return np.asarray(poses[0])
         except FrameError as error:
             raise FormatError(
-                f"tf does not say where the color camera is ({frames[0]!r}), to which depth is to "
+                f"tf has no transform to the color camera ({frames[0]!r}), to which depth is to "
                 f"be registered (--register): {error}; give --depth-transform"
             ) from None
 
@@ -223,8 +223,8 @@ class BagPlan:
         if self.map_frame_notes and not tree.moves(self._camera_frame):
             raise FormatError(
                 f"tf has no frame {MAP_FRAME!r}, and camera frame {self._camera_frame!r} does not "
-                f"move against the root of tf, {self.map_frame!r}; it has {known}; record /tf as "
-                "well, or, if the camera stood still, name its fixed frame with --map-frame"
+                f"move relative to the root of tf, {self.map_frame!r}; it has {known}; record /tf "
+                "as well, or, if the camera stood still, name its fixed frame with --map-frame"
             )
         try:
             return tree.motion(self.map_frame, self._camera_frame)

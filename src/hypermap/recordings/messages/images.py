@@ -79,7 +79,7 @@ def color_of_compressed(message: Any) -> NDArray[np.uint8]:
     """Return a `sensor_msgs/CompressedImage` (JPEG, PNG) as RGB, uint8, shape (H, W, 3).
 
     Raises:
-        FormatError: If it is no picture, or damaged.
+        FormatError: If it is not a picture, or damaged.
     """
     return decode_color(bytes(message.data))
 

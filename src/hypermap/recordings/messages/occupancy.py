@@ -25,9 +25,7 @@ def occupancy_of_grid(message: Any, name: str = "occupancy") -> OccupancyLayer:
     info = message.info
     cells = np.asarray(message.data, dtype=np.int8)
     if len(cells) != info.width * info.height:
-        raise FormatError(
-            f"the map of {info.width} x {info.height} cells holds {len(cells)} numbers"
-        )
+        raise FormatError(f"the map of {info.width} x {info.height} cells has {len(cells)} numbers")
     if len(cells) and not (cells.min() >= UNKNOWN and cells.max() <= OCCUPIED):
         raise FormatError(
             f"the map's cells must be -1 to 100, found {cells.min()} to {cells.max()}"

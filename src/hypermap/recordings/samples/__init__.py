@@ -1,4 +1,4 @@
-"""Measured values out of recordings and tables, each with the place where it was measured."""
+"""Measured values from recordings and tables, each with the place where it was measured."""
 
 from hypermap.recordings.samples.bag import message_count, motion_in_bag, read_bag
 from hypermap.recordings.samples.measured import Measured, reasons

@@ -185,4 +185,4 @@ def _motion(tree: MovingFrames, map_frame: str, frame: str) -> Motion:
     try:
         return tree.motion(clean_frame(map_frame), frame)
     except FrameError as error:
-        raise HypermapError(f"tf does not say where the sensor was: {error}") from None
+        raise HypermapError(f"tf has no pose of the sensor: {error}") from None

@@ -44,7 +44,7 @@ def reading_of(kind: str, field: str | None) -> Reading:
     """
     if kind == _DIAGNOSTICS:
         if field is None:
-            raise HypermapError("of diagnostics, name the key of the value with --field")
+            raise HypermapError("for diagnostics, name the key of the value with --field")
         return Reading(lambda message: _diagnostic(message, field), quantity=field)
     known = _KNOWN.get(kind)
     if field is not None:
@@ -83,7 +83,7 @@ def _at_path(path: str) -> Callable[[Any], float]:
     """Return what reads the number at a path of fields.
 
     Raises:
-        HypermapError: If it is no path, and when a message has no such field, or no number there.
+        HypermapError: If it is not a path, or a message has no such field, or no number there.
     """
     if not _PATH.fullmatch(path):
         raise HypermapError(f"--field {path!r}: a path is like signal.rssi or values[0]")
@@ -97,7 +97,7 @@ def _at_path(path: str) -> Callable[[Any], float]:
                 return math.nan
         if not isinstance(value, bool | int | float | np.number):
             parts = ", ".join(_names(value))
-            raise HypermapError(f"--field {path!r}: is no number{parts and '; it has '}{parts}")
+            raise HypermapError(f"--field {path!r}: is not a number{parts and '; it has '}{parts}")
         return float(value)
 
     return read
@@ -112,7 +112,7 @@ def _element(value: Any, step: str | int, path: str) -> Any:
             raise HypermapError(f"--field {path!r}: there is no {step!r}; {hint}")
         return getattr(value, step)
     if isinstance(value, str) or not hasattr(value, "__len__"):
-        raise HypermapError(f"--field {path!r}: there is no list to take element {step} of")
+        raise HypermapError(f"--field {path!r}: there is no list that has element {step}")
     return value[step] if step < len(value) else None
 
 

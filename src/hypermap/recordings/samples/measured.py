@@ -21,13 +21,13 @@ NO_POSE = "without a pose at their time"
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What a sensor said, and what else is known of that.
+    """The samples of a sensor, with their unit and quantity.
 
     Attributes:
-        samples: in the frame that was asked for.
-        unit: as the kind of message has it; empty where it says nothing.
-        quantity: likewise.
-        left_out: how many were left out, by the reason.
+        samples: in the requested frame.
+        unit: unit of the message type; empty if it has none.
+        quantity: quantity of the message type; empty if it has none.
+        left_out: number of rejected samples, by reason.
     """
 
     samples: Samples
@@ -74,7 +74,7 @@ def checked(
     unit: str = "",
     quantity: str = "",
 ) -> Measured:
-    """Return numbers as samples, without those that have no pose or are no numbers.
+    """Return numbers as samples, without those that have no pose or are not numbers.
 
     Args:
         points_xy: shape (N, 2) [m]; NaN for a sample without a pose.

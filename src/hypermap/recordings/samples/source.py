@@ -20,16 +20,16 @@ _EXAMPLE = "/wifi:rssi,unit=dBm,censored-below=-95"
 
 @dataclass(frozen=True)
 class ValueSource:
-    """A topic with samples; all else is as `hypermap values` takes it in options of these names.
+    """A topic with samples; the other attributes are like the options of `hypermap values`.
 
     Attributes:
         topic: its name.
-        field: path of the number in a message, as `reading_of` takes it; None for what the kind of
-            message measures.
-        quantity: what is measured, the name of the layer; None for what field or topic say.
+        field: path of the number in a message, as for `reading_of`; None for the number of the
+            message type.
+        quantity: what is measured, the name of the layer; None to take it from field or topic.
         unit: of the layer; None for that of the samples.
-        sample_unit: of the samples, where the messages do not say.
-        censored_below: the limit below which nothing is heard; None where NaN says nothing.
+        sample_unit: of the samples, if the messages do not contain it.
+        censored_below: detection limit of the sensor; None if NaN has no meaning.
         sensor_frame: tf frame of the sensor; None for that of the messages.
     """
 
@@ -43,10 +43,10 @@ class ValueSource:
 
     @classmethod
     def parse(cls, text: str) -> ValueSource:
-        """Return the source that a text names.
+        """Return the source that a text describes.
 
         Raises:
-            HypermapError: If it is not of the form.
+            HypermapError: If the text does not have this form.
 
         >>> source = ValueSource.parse("/wifi:rssi,unit=dBm")
         >>> source.topic, source.field, source.unit, source.name("")
@@ -85,5 +85,5 @@ def _limit(text: str, said: str | None) -> float | None:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise HypermapError(f"{text!r}: censored-below is no number: {said!r}")
+        raise HypermapError(f"{text!r}: censored-below is not a number: {said!r}")
     return number

@@ -31,7 +31,7 @@ def read_table(
     """Return the samples of a CSV file whose first line names the columns.
 
     The columns are `x` and `y` [m] and, if it is known, `stamp` [s]; without `x` and `y`, `stamp`
-    and a motion say where the sensor was. Empty cells and NaN are no values.
+    and a motion say where the sensor was. Empty cells and NaN are not values.
 
     Args:
         path: the file.
@@ -43,7 +43,7 @@ def read_table(
     Raises:
         FileMissing: If there is no such file.
         FormatError: If a column is missing, a line has more or fewer cells than the first, or a
-            cell is no number.
+            cell is not a number.
         HypermapError: If the motion is known at no sample's time.
     """
     if not path.is_file():
@@ -57,7 +57,7 @@ def read_table(
         except UnicodeDecodeError:
             raise FormatError("this is not a text file", path=path) from None
         except csv.Error as error:
-            raise FormatError(f"is no CSV file: {error}", path=path) from None
+            raise FormatError(f"is not a CSV file: {error}", path=path) from None
     if not len(columns[0]):
         raise FormatError("there are no samples in it, only the names of columns", path=path)
     by_name = dict(zip(wanted, columns, strict=True))
@@ -115,5 +115,5 @@ def _number(text: str, name: str, path: Path, line: int) -> float:
     try:
         return float(text)
     except ValueError:
-        message = f"{name}: {text!r} is no number"
+        message = f"{name}: {text!r} is not a number"
         raise FormatError(message, path=path, key=f"line {line}") from None

@@ -117,7 +117,9 @@ class LiveMap:
         from hypermap.values.on_map import known_layer, method_of, samples_of
 
         if name in (*_OWN_LAYERS, *(layer.name for layer in self.values)):
-            raise HypermapError(f"there is a layer {name!r} already; name the quantity otherwise")
+            raise HypermapError(
+                f"there is a layer {name!r} already; give the quantity another name"
+            )
         known = None if self._onto is None else known_layer(self._onto, name)
         if known is None or known.samples is None or self._onto is None:
             layer = GrowingLayer(name, self._frame_id, quantity, unit)
@@ -283,7 +285,8 @@ class LiveMap:
             raise HypermapError(f"onto: {settings.onto}: {error}") from error
         if mapper.makes_occupancy and settings.map_topic:
             raise HypermapError(
-                f"onto: {settings.onto}: its occupancy layer is made of depth; leave out map_topic"
+                f"onto: {settings.onto}: its occupancy layer was made from depth; "
+                "leave out map_topic"
             )
         self._makes_occupancy = mapper.makes_occupancy
         return mapper

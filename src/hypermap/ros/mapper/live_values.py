@@ -33,16 +33,16 @@ _PERIOD = 0.1  # s between looks at what has come
 _LOOK_FOR_TYPES = 1.0  # s
 _PATIENCE = 2.0  # s that a sample waits for its pose
 _WAITING = 10_000  # samples that may wait; older ones are dropped
-_NEW_WALLS = 30.0  # s after which a field is solved anew for the map of now
+_NEW_WALLS = 30.0  # s after which a field is solved from scratch for the map of now
 _SHARE = 10.0  # times as long as solving took, until the next time
 
 
 class LiveValues:
     """Takes samples from topics, finds where they were taken, and makes layers of the map.
 
-    All but the arrival of messages happens in a thread of its own. A sample changes the layer at
-    once; the field is solved anew where `GrowingLayer` asks for it or the map has changed, as often
-    as that takes no more than a tenth of the time, and at the end.
+    A separate thread does everything except receiving messages. A sample changes the layer
+    immediately. The field is solved from scratch if `GrowingLayer` asks for it or the map has
+    changed, as long as this takes at most a tenth of the time, and at the end.
     """
 
     def __init__(
@@ -175,7 +175,7 @@ class _Quantity:
             self._layer.add(measured.samples)
 
     def solve_if_due(self, live_map: LiveMap) -> None:
-        """Solve the field anew if samples or the map ask for it, and it is not too soon."""
+        """Solve the field from scratch if samples or the map ask for it, and it is not too soon."""
         until, revision = self._solved
         now = time.monotonic()
         has_new_walls = live_map.revision != revision and now >= until + _NEW_WALLS

@@ -63,8 +63,8 @@ class Saving:
         path = archive_within(Path(self._directory or default).absolute(), filename)
         if not self._directory and path.exists() and path not in {self._path, *self._own}:
             raise HypermapError(
-                f"{path} exists already: choose another name, or name a folder of maps that may "
-                "be replaced, by map_directory"
+                f"{path} exists already: choose another name, or set map_directory, the folder "
+                "in which maps may be replaced"
             )
         self._save(path)
 

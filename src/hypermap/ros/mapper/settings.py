@@ -147,7 +147,7 @@ class LiveSettings:
             )
         if sum(bool(getattr(self, name)) for name in _DETECTIONS) != 1:
             raise HypermapError(
-                f"something must say what the camera sees: give one of {', '.join(_DETECTIONS)}; "
+                f"there is no source of detections: give one of {', '.join(_DETECTIONS)}; "
                 f"{self._found(_DETECTIONS)}"
             )
         if self.detector and not (self.color_topic or self.cloud_topic):

@@ -72,7 +72,7 @@ class Worker:
         self._thread.start()
 
     def put(self, queued: QueuedFrame) -> None:
-        """Hand over a frame, in place of one that still waits."""
+        """Hand over a frame, instead of one that still waits."""
         replaced = self._mailbox.put((self._jumps, queued))
         if replaced is not None:
             self._statistics.count(Fate.NO_TF if self._waits_for_tf else Fate.BUSY)
@@ -163,7 +163,7 @@ class Worker:
         The wait goes by the wall's clock: that of a paused bag would stand still.
         """
         if not frame_id:
-            raise FrameError("the depth messages name no frame; name it by camera_frame")
+            raise FrameError("the depth messages name no frame; set camera_frame")
         end = time.monotonic() + self._settings.tf_timeout
         self._waits_for_tf = True
         try:

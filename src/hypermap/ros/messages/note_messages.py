@@ -40,7 +40,9 @@ def attachment_of_message(message: Message) -> Attachment:
     """
     content = bytes(message.content)
     if len(content) > MOST_CONTENT:
-        raise NoteError(f"{message.name}: a message holds files of at most {MOST_CONTENT} bytes")
+        raise NoteError(
+            f"{message.name}: a message can contain files of at most {MOST_CONTENT} bytes"
+        )
     return attachment_of_bytes(content, str(message.name))
 
 

@@ -28,7 +28,7 @@ def is_ros1(message_class: type[Any]) -> bool:
 
 
 class Points(Sequence[Any]):
-    """Rows of an array as a sequence of `geometry_msgs/Point`, in place of a list of them.
+    """Rows of an array as a sequence of `geometry_msgs/Point`, instead of a list of them.
 
     Messages are only ever written, so each point is made when it is its turn.
 

@@ -146,7 +146,7 @@ def _or_nan(number: float | None) -> float:
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON can hold of what YAML can: other things as text."""
+    """Return a value from YAML for JSON: types that JSON does not have become text."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):

@@ -78,5 +78,5 @@ def definitions(package: str) -> dict[str, str]:
         files = sorted([*folder.glob("msg/*.msg"), *folder.glob("srv/*.srv")])
         return {f"{file.parent.name}/{file.name}": file.read_text("utf-8") for file in files}
     if package not in _FOREIGN:
-        raise HypermapError(f"the messages of {package} are not known to us")
+        raise HypermapError(f"the messages of {package} are unknown")
     return {f"msg/{name}.msg": text for name, text in _FOREIGN[package].items()}

@@ -25,7 +25,7 @@ def require_master() -> None:
     """Return if there is a roscore.
 
     Raises:
-        HypermapError: If none answers; `rospy.init_node` would wait for one for ever.
+        HypermapError: If none answers; `rospy.init_node` would wait for one forever.
     """
     uri = os.environ.get("ROS_MASTER_URI", "")
     try:

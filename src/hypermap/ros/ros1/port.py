@@ -162,7 +162,7 @@ class Ros1Port:
         return rospy.Time(*divmod(nanoseconds, 1_000_000_000))
 
     def static_transforms(self, transforms: Sequence[Message]) -> None:
-        """Make transforms known to everyone, in place of those of an earlier call."""
+        """Make transforms known to everyone, instead of those of an earlier call."""
         if self._static is None:
             self._static = self.publisher("/tf_static", "tf2_msgs/TFMessage", latched=True)
         self._static.publish(self.message("tf2_msgs/TFMessage")(transforms=list(transforms)))

@@ -26,7 +26,7 @@ def declared(node: Any, parameter: Parameter) -> Value:
     """Declare a parameter, if it is not yet, and return its value.
 
     Raises:
-        HypermapError: If the value is of another type, or not allowed.
+        HypermapError: If the value is of a different type, or not allowed.
     """
     default = parameter.default
     if isinstance(default, Sequence) and not isinstance(default, str):

@@ -179,7 +179,7 @@ class Ros2Port:
         return message_class("builtin_interfaces/Time")(sec=seconds, nanosec=rest)
 
     def static_transforms(self, transforms: Sequence[Message]) -> None:
-        """Make transforms known to everyone, in place of those of an earlier call.
+        """Make transforms known to everyone, instead of those of an earlier call.
 
         Some versions of tf2_ros' broadcaster add to what they sent before, others replace it; so
         this publishes what it publishes, as one message.

@@ -2,9 +2,9 @@
 
 It runs on the Python that rviz's bindings are for, so it imports nothing but those:
 
-- {"do": "load", "config": TEXT}: take a whole configuration, in place of all there is.
+- {"do": "load", "config": TEXT}: take a whole configuration, instead of all there is.
 - {"do": "put", "name": NAME, "class": CLASS, "config": TEXT, "open": [PROPERTY, ...]}: add a
-  display, in place of one of that name, and open it in the panel to show these of its properties.
+  display, instead of one of that name, and open it in the panel to show these of its properties.
 - {"do": "remove", "name": NAME}: remove a display.
 - {"do": "view", "config": TEXT}: look elsewhere; TEXT is what a `.rviz` file has as Views.
 - {"do": "frame", "frame": NAME}: set the fixed frame.

@@ -109,7 +109,7 @@ class RvizWindow:
             self._restart()
             return False
         if code:
-            raise HypermapError(f"rviz has ended with exit code {code}")
+            raise HypermapError(f"rviz ended with exit code {code}")
         return True
 
     def close(self) -> None:

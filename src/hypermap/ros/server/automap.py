@@ -27,7 +27,7 @@ class AutoMap:
 
     It waits for the area on `/polygon`, or for `begin`. Each polygon on `covered_topic` copies the
     cells of the area that it covers. So a program that drives to frontiers of `mapped_grid`, as
-    explore_lite, drives to where the camera has not looked yet. The occupancy layer stays as it is.
+    explore_lite, drives to where the camera has not looked yet. The occupancy layer is unchanged.
     """
 
     PARAMETERS = (

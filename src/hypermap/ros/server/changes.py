@@ -36,7 +36,7 @@ class Changes:
         """Answer `hypermap_msgs/GetChanges`.
 
         Raises:
-            HypermapError: If `since` is no time, or the map keeps no history.
+            HypermapError: If `since` is not a time, or the map keeps no history.
         """
         hypermap = grown(self._current.hypermap, time.time())
         names = set(request.names)

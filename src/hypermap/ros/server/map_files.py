@@ -41,7 +41,7 @@ class MapFiles:
         """Answer `hypermap_msgs/LoadMap`; the old map stays if the new one is wrong.
 
         Raises:
-            HypermapError: If the name leads out of the directory, or the file is no map.
+            HypermapError: If the name leads out of the directory, or the file is not a map.
         """
         self.show(self.path(request.filename))
         return self._port.response("hypermap_msgs/LoadMap")(success=True)
@@ -79,7 +79,7 @@ class MapFiles:
         """Put the map of a file in the place of the one that is served, and return it.
 
         Raises:
-            HypermapError: If the file is no map; the old one stays.
+            HypermapError: If the file is not a map; the old one stays.
         """
         hypermap = open_any(path)
         self._current.replace(hypermap, path)

@@ -37,7 +37,7 @@ class MapServer:
     Args:
         port: the middleware.
         file: a map to load, whatever the parameters say.
-        source: a map that others change, in place of a file; each new version of it is served.
+        source: a map that others change, instead of a file; each new version of it is served.
     """
 
     NAME = "hypermap_server"

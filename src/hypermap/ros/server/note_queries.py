@@ -113,7 +113,9 @@ def _time(text: str) -> datetime | None:
     try:
         moment = datetime.fromisoformat(text[:-1] + "+00:00" if text.endswith("Z") else text)
     except ValueError:
-        raise NoteError(f"{text[:40]!r} is no time as 2026-03-02T12:00:00+01:00") from None
+        raise NoteError(f"{text[:40]!r} is not a time such as 2026-03-02T12:00:00+01:00") from None
     if moment.tzinfo is None:
-        raise NoteError(f"the time {text[:40]!r} has no zone, as in 2026-03-02T12:00:00+01:00")
+        raise NoteError(
+            f"the time {text[:40]!r} has no time zone, unlike 2026-03-02T12:00:00+01:00"
+        )
     return moment

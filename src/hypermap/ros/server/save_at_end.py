@@ -100,4 +100,4 @@ def _is_there(path: Path) -> bool:
 
 
 def _foreign(path: Path) -> str:
-    return f"{path} is there already, and this node has not loaded it: it stays as it is"
+    return f"{path} is there already, and this node has not loaded it: it is unchanged"

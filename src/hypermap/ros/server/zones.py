@@ -122,7 +122,7 @@ def speed_filter(entries: Iterable[object]) -> Filter:
         if unit != first_unit:
             raise HypermapError(
                 f"speed: {entry!r} has its limit in {unit}, others have it in {first_unit}; "
-                "one mask holds limits of one unit"
+                "all limits of one mask must have the same unit"
             )
         if float(limit) <= 0 or (unit == "%" and float(limit) > 100):
             allowed = "above 0 and at most 100 %" if unit == "%" else "above 0 m/s"

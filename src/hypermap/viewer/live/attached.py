@@ -1,8 +1,8 @@
 """The files of notes over HTTP: uploads go to where the map keeps them, answers are inert.
 
-A file comes from anybody who could ever leave a note. So its type is that of its content, a browser
-neither guesses another nor runs anything in it, and what is no picture, sound or video is offered
-for download alone.
+A file may come from anyone who can leave a note. So its type is that of its content, a browser
+neither guesses another type nor runs anything in it, and everything but pictures, sounds and videos
+is only offered for download.
 """
 
 from __future__ import annotations

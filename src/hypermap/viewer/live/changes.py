@@ -64,7 +64,7 @@ def undoing(changes: Sequence[AnyChange]) -> list[AnyChange]:
 
 
 def applied(hypermap: Hypermap, changes: Iterable[AnyChange]) -> Hypermap:
-    """Return a map with the changes applied; the given one stays as it is.
+    """Return a map with the changes applied; the given one is unchanged.
 
     Raises:
         LayerNotFound, ObjectNotFound: If there is no such layer or object.
@@ -76,7 +76,7 @@ def applied(hypermap: Hypermap, changes: Iterable[AnyChange]) -> Hypermap:
 
 
 class Draft:
-    """A copy of a map that is being changed; the original stays as it is.
+    """A copy of a map that is being changed; the original is unchanged.
 
     Attributes:
         hypermap: the copy so far.
@@ -216,7 +216,7 @@ class Draft:
 
         Raises:
             LayerNotFound: If there is none of that name.
-            HypermapError: If it is of another kind.
+            HypermapError: If it is of a different kind.
         """
         if name not in self._notes:
             self._notes[name] = self.hypermap.layer(name, NotesLayer).copy()

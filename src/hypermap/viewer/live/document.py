@@ -54,7 +54,7 @@ class MapDocument:
         saves: how often the map was saved.
 
     Raises:
-        HypermapError: If the file is no map.
+        HypermapError: If the file is not a map.
     """
 
     def __init__(self, path: Path, is_editable: bool = True) -> None:
@@ -179,7 +179,7 @@ class MapDocument:
         """Reload the file; unsaved changes and the undo history are lost.
 
         Raises:
-            HypermapError: If the file is no longer a map; then everything stays as it is.
+            HypermapError: If the file is no longer a map; then everything is unchanged.
         """
         with self._changing:
             hypermap = open_map(self.file.path)

@@ -18,7 +18,7 @@ _COLUMNS = (
 
 
 def rows_as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return rows of an answer as CSV with a head; several tags are parted by semicolons."""
+    """Return rows of an answer as CSV with a head; several tags are separated by semicolons."""
     content = io.StringIO()
     writer = csv.writer(content)
     writer.writerow(_COLUMNS)

@@ -33,7 +33,7 @@ def operations_in(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the operations of a request.
 
     Raises:
-        Refused: If there are none, too many, or one is no object.
+        Refused: If there are none, too many, or one is not an object.
     """
     operations = body.get("operations")
     if not isinstance(operations, list) or not operations:

@@ -74,7 +74,7 @@ def export_page(
 def _blob(
     hypermap: Hypermap, map_path: Path, max_pixels: int
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return what the page reads in place of the server's answers, and notes about it."""
+    """Return what the page reads instead of the server's answers, and notes about it."""
     rasters: dict[str, Any] = {}
     shapes: dict[str, Any] = {}
     values: dict[str, Any] = {}

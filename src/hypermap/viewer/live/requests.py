@@ -68,7 +68,7 @@ def whole_number_in(values: Mapping[str, Any], key: str) -> int:
 
 
 def numbers_in(values: QueryParams, key: str) -> list[float]:
-    """Return finite numbers parted by commas; raises like `number_in`."""
+    """Return finite numbers separated by commas; raises like `number_in`."""
     words = values.get(key, "").split(",")
     if len(words) > 2 * MOST_CORNERS:
         _refuse_corners(len(words) // 2)
@@ -138,7 +138,7 @@ def footprint_in(values: Mapping[str, Any]) -> BaseGeometry | None:
     of rings, the outline first.
 
     Raises:
-        Refused: If it is no shape, has too many corners, no area, is larger than a city, or its
+        Refused: If it is not a shape, has too many corners, no area, is larger than a city, or its
             outline crosses itself.
     """
     if values.get("polygon") is not None:

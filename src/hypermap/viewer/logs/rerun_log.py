@@ -117,7 +117,7 @@ class RerunLog:
         self._log.log("seen/area", area)
 
     def close(self) -> None:
-        """Finish the file, or hand the last things over to the viewer.
+        """Finish the file, or hand the remaining data over to the viewer.
 
         Raises:
             RuntimeError: If not all could be written.

@@ -3,7 +3,7 @@
 A step is a frame that was mapped. Each is a few small files in a folder of its own: the picture,
 what the frame saw, and how the map's objects differ from the step before; every so many steps,
 all objects. When there are too many steps, every second one is dropped, and from then on only
-every second frame is kept, then every fourth, and so on. So the folder does not grow for ever,
+every second frame is kept, then every fourth, and so on. So the folder does not grow forever,
 however long the recording is.
 """
 

@@ -196,7 +196,7 @@ class StoreService:
         """Replace an object, or remove it, if it still has the version that the client names."""
         version = request.headers.get("if-match", "").strip('"')
         if not (version.isascii() and version.isdigit() and len(version) < 10):
-            raise BadRequest("the header If-Match must hold the object's `version`")
+            raise BadRequest("the header If-Match must contain the object's `version`")
         with self.connections.one() as database:
             collection = _asked(request, database)
             found, _ = _feature(request, database, collection)
@@ -220,13 +220,13 @@ class StoreService:
 def _object(content: bytes) -> SemanticObject:
     """Return the object in a GeoJSON feature."""
     if _NUL.search(content):
-        raise BadRequest("the body holds a NUL character, which the database does not know")
+        raise BadRequest("the body contains a NUL character, which the database does not allow")
     try:
         raw = json.loads(content)
         collection = json.dumps({"type": "FeatureCollection", "features": [raw]})
         (item,) = from_geojson(collection, frame_id="map").objects()
     except (FormatError, ValueError, RecursionError) as error:
-        raise BadRequest(f"the body is no feature of GeoJSON: {error}") from None
+        raise BadRequest(f"the body is not a GeoJSON feature: {error}") from None
     return item
 
 

@@ -24,13 +24,13 @@ class BadRequest(HypermapError):
 def check_known(given: Mapping[str, str], known: tuple[str, ...]) -> None:
     """Raise a BadRequest if there is a parameter that nobody reads, as OGC API - Features asks.
 
-    Nor may one hold a NUL character, which the database does not know.
+    Nor may one hold a NUL character, which the database does not allow.
     """
     for name, value in given.items():
         if name not in known:
             raise BadRequest(f"there is no parameter {name!r}; known: {', '.join(known)}")
         if "\0" in value:
-            raise BadRequest(f"{name}: holds a NUL character")
+            raise BadRequest(f"{name}: contains a NUL character")
 
 
 def filter_of(given: Mapping[str, str]) -> Filter:

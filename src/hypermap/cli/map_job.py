@@ -1,0 +1,135 @@
+"""Maps a recording with a progress bar, until its end or a signal."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from hypermap.cli.corrected_poses import described
+from hypermap.cli.map_result import note_frames
+from hypermap.cli.onto import named
+from hypermap.cli.signals import Stop
+from hypermap.cli.terminal import note
+from hypermap.cli.worker_options import MOST_WORKERS, opened_workers
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.cli.watching import Watched
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.core.occupancy import OccupancyLayer
+    from hypermap.fleet.ahead import LookedAtAhead
+    from hypermap.mapping.config import MappingConfig
+    from hypermap.mapping.counts import Counts
+    from hypermap.mapping.mapper import MappedFrame, Mapper
+    from hypermap.mapping.pose_graph import CorrectedPoses
+    from hypermap.mapping.preflight import Preflight
+    from hypermap.mapping.recording_to_map import Progress
+    from hypermap.perception.detectors.origin import DetectionOrigin
+    from hypermap.perception.embedders.embedder import Embedder
+    from hypermap.perception.frame import DetectionSource
+    from hypermap.perception.recording import PendingRecording
+
+
+@dataclass(frozen=True)
+class Job:
+    """What to map, onto what, and how; `base` is the map of the file `onto`."""
+
+    recording: PendingRecording
+    origin: DetectionOrigin | None
+    source: DetectionSource | None
+    settings: MappingConfig
+    occupancy: OccupancyLayer | None
+    base: Hypermap | None
+    onto: Path | None
+    max_bad: float
+    embedder: Embedder | None
+    workers: int | None
+    address: str | None
+    corrected_poses: CorrectedPoses | None
+
+
+@dataclass(frozen=True)
+class Made:
+    """A map, what became of the frames, and until when they are those of the recording [s]."""
+
+    hypermap: Hypermap
+    counts: Counts
+    until: float
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether they are all frames of the recording."""
+        return math.isinf(self.until)
+
+
+def make_map(
+    job: Job,
+    frames: int,
+    stop: Stop,
+    watched: Watched,
+    watchers: list[Callable[[MappedFrame, Mapper], None]],
+    preflight: Preflight,
+) -> Made:
+    """Map the recording until its end or `stop`."""
+    from hypermap.cli.progress import Pace, mapping_progress
+    from hypermap.cli.stopping import StoppableRecording
+    from hypermap.mapping.counts import Counts
+    from hypermap.mapping.recording_to_map import map_recording
+
+    started, pace, rate = time.monotonic(), Pace(), 0.0
+    counts = Counts()
+    with mapping_progress(frames) as report, _looking_ahead(job) as ahead:
+        stoppable = StoppableRecording(ahead or job.recording, stop)
+
+        def watch(mapped: MappedFrame, mapper: Mapper) -> None:
+            for watcher in watchers:
+                watcher(mapped, mapper)
+
+        def tell(progress: Progress) -> None:
+            nonlocal rate, counts
+            counts = progress.counts
+            rate = pace.after(progress.done)
+            report(progress)
+
+        try:
+            with named(job.onto):
+                hypermap = map_recording(
+                    stoppable,
+                    job.source,
+                    job.settings,
+                    job.occupancy,
+                    watched.with_progress(tell),
+                    watch if watchers else None,
+                    preflight,
+                    job.max_bad,
+                    job.base,
+                    job.embedder,
+                    ahead,
+                )
+        except HypermapError:
+            if stoppable.ended_early:
+                note("no frame was mapped so far, so nothing is saved")
+                raise typer.Exit(stop.exit_code) from None
+            raise
+    hypermap.metadata = described(hypermap.metadata, job.corrected_poses)
+    note_frames(hypermap, counts, job.settings, time.monotonic() - started, rate)
+    return Made(hypermap, counts, stoppable.until)
+
+
+@contextmanager
+def _looking_ahead(job: Job) -> Iterator[LookedAtAhead | None]:
+    """Yield the recording as workers look at it, if there are to be any."""
+    if job.workers in (None, 1) and job.address is None:
+        yield None
+        return
+    from hypermap.fleet.ahead import LookedAtAhead
+
+    with opened_workers(job.workers, job.address, MOST_WORKERS) as workers:
+        yield LookedAtAhead(job.recording, workers, job.origin)
