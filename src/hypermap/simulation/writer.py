@@ -93,7 +93,7 @@ def _write(recording: Recording, folder: Path, on_frame: Callable[[], None]) -> 
 
 
 def _save(pixels: NDArray[np.uint8] | NDArray[np.uint16], path: Path) -> None:
-    """Save an image, a seventh larger than it could be, in 40 % of the time."""
+    """Save an image in 40 % of the usual time, larger by a tenth (depth) to a third (color)."""
     Image.fromarray(pixels).save(path, compress_level=2)
 
 
