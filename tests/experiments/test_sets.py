@@ -10,6 +10,7 @@ from hypermap.experiments.methods import OURS, chosen_methods
 from hypermap.experiments.results import WorldResult
 from hypermap.experiments.sets import DEV, TEST, first_seed_of, worlds_named
 from hypermap.simulation import built_in_worlds, errors_of_level, ground_truth, varied
+from hypermap.simulation.sightings import Sightings
 from hypermap.simulation.world import FloorPlan, Variation, World, WorldObject
 
 
@@ -45,6 +46,7 @@ def test_each_drive_is_compared_with_its_own_world() -> None:
             SimulatedDrive(variant, seed, errors_of_level("none"), 1.0),
             1,
             {OURS: tuple(ground_truth(variant)["semantic"].objects())},
+            Sightings.none(2),
         )
         for seed in (7, 8)
         for variant in [varied(world, seed)]

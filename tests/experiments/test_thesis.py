@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,9 @@ from hypermap.experiments.results import WorldResult, to_data
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
 from hypermap.perception.detectors.sources import detections_from_recording
-from hypermap.simulation import SimulatedRecording, errors_of_level
+from hypermap.simulation import DetectorNoise, SimulatedRecording, errors_of_level
+from hypermap.simulation.network import named_for_network
+from hypermap.simulation.sightings import Sightings
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, World, WorldObject
 
@@ -81,6 +84,20 @@ def test_the_figures_and_the_page_say_how_far_confidence_can_be_trusted(
     assert f"Expected calibration error: {ours['calibration_error']:.2f}." in page
 
 
+def test_figures_say_what_bounds_recall_and_what_they_were_made_with(
+    report: tuple[str, dict, str],
+) -> None:
+    text, figures, page = report
+    bound = figures["worlds"][0]["bound"]
+    assert bound["shown"] == 1 >= bound["detected"] >= bound["detected_twice"] > 0
+    assert f"found by the detector at all: {bound['detected']:.2f} of the objects" in text
+    assert f"{bound['detected']:.0%} of them by their class" in page
+    made = figures["made_with"]
+    assert made["versions"]["numpy"] == np.__version__
+    assert made["errors"]["poses"]["drift"] == 0
+    assert made["methods"][OURS]["evidence"]["fusion"] == "votes"
+
+
 def test_the_table_and_the_page_show_the_figures(report: tuple[str, dict, str]) -> None:
     text, figures, page = report
     for name, method in figures["worlds"][0]["methods"].items():
@@ -120,6 +137,24 @@ def test_the_same_drive_gives_the_same_map_as_the_mapper() -> None:
     assert mapped.frames == len(recording)
 
 
+def test_the_network_detects_on_a_drive_by_its_own_names() -> None:
+    world = named_for_network(
+        World(
+            "test",
+            FloorPlan((0, 0, 6, 4)),
+            objects=(WorldObject("chair", (2.5, 2.2), name="stool"), WorldObject("shelf", (5, 2))),
+            drive=DrivePlan(((0.5, 2), (0.7, 2)), speed=0.1),
+        )
+    )
+    assert [thing.label for thing in world.objects] == ["chair", "cupboard"]
+    drive = SimulatedDrive(world, 3, errors_of_level("none"), 1.0, has_network=True)
+    mapped = map_drive(drive, {})
+    assert mapped.sightings.visible.tolist() == [mapped.frames] * 2
+    assert mapped.sightings.detected[0] > 0
+    blind = replace(drive, errors=replace(drive.errors, detector=DetectorNoise(miss=1.0)))
+    assert map_drive(blind, {}).sightings.detected.tolist() == mapped.sightings.detected.tolist()
+
+
 def test_figures_are_means_over_all_true_objects_of_all_drives() -> None:
     world = World(
         "w",
@@ -137,6 +172,7 @@ def test_figures_are_means_over_all_true_objects_of_all_drives() -> None:
             SimulatedDrive(world, seed, errors, 1.0),
             1,
             {OURS: (exact,), "best shape, overlap": (off,)},
+            Sightings(np.array([3, 2]), np.array([2, seed - 1]), np.array([0, 1])),
         )
         for seed in (2, 1)
     ]
@@ -145,7 +181,12 @@ def test_figures_are_means_over_all_true_objects_of_all_drives() -> None:
     assert result.shape(OURS) == pytest.approx((1.0, 0.0))
     assert result.shape("best shape, overlap") == pytest.approx((0.5, 0.5))
     assert result.shape(OURS, "cup") == (None, None)
-    data = to_data([result])["worlds"][0]["methods"]
+    world_data = to_data([result])["worlds"][0]
+    assert world_data["bound"] == {"shown": 1.0, "detected": 0.75, "detected_twice": 0.5}
+    assert [drive["detected"] for drive in world_data["drives"]] == [0.5, 1.0]
+    assert world_data["drives"][0]["methods"][OURS]["at"][0]["recall"] == 0.5
+    data = world_data["methods"]
+    assert set(data[OURS]["average_precision"].values()) == {0.5}  # no table is beside its place
     assert data[OURS]["at"][0]["recall"] == 0.5  # the cup is missing
     # One table on two drives is one pair: one of two signs.
     assert data["best shape, overlap"]["p_iou"] == signed_rank([0.5]).p == 0.5
@@ -206,6 +247,7 @@ def _command_line(process: str) -> str:
         (["thesiss"], "there is no experiment 'thesiss'; known: thesis"),
         (["thesis", "--worlds", "labb"], "there is no world 'labb'; did you mean 'lab'?"),
         (["thesis", "--errors", "bad"], "there is no level of errors 'bad'"),
+        (["thesis", "--detector", "yolo"], "there is no detector 'yolo'; known: noisy, network"),
         (
             ["thesis", "--worlds", "lab,floor,lab"],
             "--worlds: lab and lab have the same name 'lab'; change the key",

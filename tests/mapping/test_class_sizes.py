@@ -18,12 +18,17 @@ from hypermap.perception.observation import Observation, ObservedObject
 
 
 def mapped(
-    name: str, side: float, height: float, config: EvidenceConfig, x: float = 0.0
+    name: str,
+    side: float,
+    height: float,
+    config: EvidenceConfig,
+    x: float = 0.0,
+    low: float = 0.7,
 ) -> EvidenceMap:
     """Return the map of three frames that show a thing of a size."""
     evidence = EvidenceMap(config)
     footprint = shapely.box(x, 0, x + side, side / 2)
-    thing = ObservedObject(name, 0.9, footprint, z_min=0.7, z_max=0.7 + height)
+    thing = ObservedObject(name, 0.9, footprint, z_min=low, z_max=low + height)
     for stamp in range(3):
         area = shapely.box(x - 9, -9, x + 9, 9)
         evidence.update(Observation(float(stamp), np.eye(4), (thing,), area))
@@ -50,6 +55,26 @@ def test_what_has_not_the_size_of_its_class_is_left_out(
     assert len(mapped(name, side, height, default)) == is_mapped
     assert len(mapped(name, side, height, replace(default, class_sizes="any"))) == 1
     assert len(mapped(name, side, height, profile("thesis").evidence)) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "is_mapped"),
+    [
+        ("bin", 1.5, False),  # a shadow on the wall
+        ("bin", 0.5, True),  # half hidden by a table
+        ("dining table", 1.6, False),
+        ("person", 1.1, True),  # the head of somebody behind a screen
+        ("cup", 1.6, True),  # on a shelf
+        ("chair", 3.2, True),  # the floor of this map is not at z = 0
+    ],
+)
+def test_what_stands_on_the_floor_or_on_a_table_does_not_hang_on_the_wall(
+    name: str, low: float, is_mapped: bool
+) -> None:
+    side = sum(CLASS_SIZES[name.replace(" ", "")]) / 3
+    default = profile("default").evidence
+    assert len(mapped(name, side, 0.1, default, low=low)) == is_mapped
+    assert len(mapped(name, side, 0.1, replace(default, class_sizes="any"), low=low)) == 1
 
 
 @given(st.sampled_from(sorted(CLASS_SIZES)), st.floats(0.01, 0.99), st.floats(-50, 50))

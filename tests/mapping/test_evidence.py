@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Literal
 
 import numpy as np
@@ -192,6 +193,15 @@ def test_a_published_object_tells_what_is_known_of_it() -> None:
     assert found.confidence == pytest.approx((0.75,))
     assert (found.first_seen, found.last_seen, found.existence) == (1, 4, 3.2)
     assert dict(found.attributes) == {"evidence": 4, "z_min": 0.1, "z_max": 0.9}
+
+
+def test_the_confidence_of_the_profile_default_is_a_probability_that_grows_with_existence() -> None:
+    evidence = EvidenceMap(profile("default").evidence)
+    sure = []
+    for stamp in range(4):
+        evidence.update(seen(square(0), stamp=float(stamp), score=1.0))
+        sure += [item.confidence[0] for item in evidence.objects()]
+    assert sure == pytest.approx([1 - math.exp(-existence / 4) for existence in (3.0, 4.5, 6.0)])
 
 
 def test_the_evidence_behind_an_object_keeps_stamp_pose_and_score() -> None:

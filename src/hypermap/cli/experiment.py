@@ -69,6 +69,14 @@ def command(
     ] = None,
     errors: Annotated[str, typer.Option(metavar=ERRORS, help=WHAT_ERRS)] = "robot",
     sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
+    detector: Annotated[
+        str,
+        typer.Option(
+            metavar="noisy|network",
+            help="Detections: noisy knows where things are, and errs; network is that of "
+            "`hypermap demo`, which sees only the images. Things then have its class names.",
+        ),
+    ] = "noisy",
     rate: Annotated[float, typer.Option(min=0.1, max=30, help="Frames per second.")] = 2.0,
     jobs: Annotated[
         int, typer.Option(min=0, max=256, help="Number of parallel drives; 0: one per core.")
@@ -98,14 +106,21 @@ def command(
     from hypermap.experiments.drives import SimulatedDrive
     from hypermap.experiments.methods import chosen_methods
     from hypermap.experiments.report import write_report
-    from hypermap.experiments.results import to_data
+    from hypermap.experiments.results import made_with, to_data
     from hypermap.experiments.sets import first_seed_of, worlds_named
     from hypermap.simulation import varied
+    from hypermap.simulation.network import named_for_network
 
     if name not in ("thesis", "days"):
         raise HypermapError(f"there is no experiment {name!r}; known: thesis, days")
+    if detector not in ("noisy", "network"):
+        raise HypermapError(f"there is no detector {detector!r}; known: noisy, network")
+    if detector == "network" and name == "days":
+        raise HypermapError("--detector network: only the experiment `thesis` has it")
     words = worlds_named(worlds)
     described = [world_of(word) for word in words]
+    if detector == "network":
+        described = [named_for_network(world) for world in described]
     _check_names([world.name for world in described], words)
     chosen, methods = errors_of(errors, sensor), chosen_methods(wanted)
     first = first_seed_of(words) if first_seed is None else first_seed
@@ -121,13 +136,14 @@ def command(
     for file in (output, figures):
         check_output(file, replace)
     planned = [
-        SimulatedDrive(varied(world, seed), seed, chosen, rate)
+        SimulatedDrive(varied(world, seed), seed, chosen, rate, detector == "network")
         for world in described
         for seed in range(first, first + seeds)
     ]
     results = _results(_map(planned, methods, jobs), described)
     data = to_data(results)
-    data["command"] = _repeating(worlds, seeds, first, errors, sensor, wanted, rate)
+    data["command"] = _repeating(worlds, seeds, first, errors, sensor, wanted, rate, detector)
+    data["made_with"] = made_with(chosen, methods)
     write_report(results, data, output, data["command"])
     figures.write_text(json.dumps(data, indent=1), encoding="utf-8")
     if as_json:
@@ -162,12 +178,21 @@ def _results(mapped: list[Mapped], worlds: list[World]) -> list[WorldResult]:
 
 
 def _repeating(
-    worlds: str, seeds: int, first: int, errors: str, sensor: str, wanted: str, rate: float
+    worlds: str,
+    seeds: int,
+    first: int,
+    errors: str,
+    sensor: str,
+    wanted: str,
+    rate: float,
+    detector: str,
 ) -> str:
     """Return the command that repeats an experiment."""
     options = f"--worlds {worlds} --seeds {seeds} --first-seed {first} --errors {errors}"
     if sensor != "kinect_v1":
         options += f" --sensor {sensor}"
+    if detector != "noisy":
+        options += f" --detector {detector}"
     if wanted != "all":
         options += f" --methods {wanted}"
     return f"hypermap experiment thesis {options} --rate {rate:g}"
@@ -207,4 +232,9 @@ def _show(world: Data) -> None:
         )
     say(f"\n{world['world']}: {world['objects']} objects, {len(world['seeds'])} drives\n")
     out().print(rows)
+    bound = world["bound"]
+    say(
+        f"found by the detector at all: {bound['detected']:.2f} of the objects, in two frames or "
+        f"more {bound['detected_twice']:.2f}, which bounds recall"
+    )
     say("p: that the last method is no better; precision, recall and F1 at an IoU of 0.25")

@@ -19,7 +19,8 @@ from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.perception.observe import observe
-from hypermap.simulation import Errors, SimulatedRecording, World
+from hypermap.simulation import Errors, SimulatedRecording, World, network_detector
+from hypermap.simulation.sightings import Sightings
 
 
 @dataclass(frozen=True)
@@ -31,12 +32,16 @@ class SimulatedDrive:
         seed: of all chance.
         errors: of camera, localization and detector.
         rate: frames per second.
+        has_network: whether the network that comes with the package detects the objects in the
+            images, whose errors are not those of `errors`; the world's names are then its own
+            (`named_for_network`).
     """
 
     world: World
     seed: int
     errors: Errors
     rate: float
+    has_network: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +52,13 @@ class Mapped:
         drive: the drive.
         frames: how many it had.
         objects: the objects of each method's map, by its name.
+        sightings: how often the drive showed each true object, and its detections did.
     """
 
     drive: SimulatedDrive
     frames: int
     objects: Mapping[str, tuple[SemanticObject, ...]]
+    sightings: Sightings
 
 
 def map_drive(drive: SimulatedDrive, methods: Mapping[str, MappingConfig]) -> Mapped:
@@ -61,7 +68,11 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, MappingConfig]) -> Ma
     known, as well as the errors allow, and poses are corrected by it where a method does so.
     """
     recording = SimulatedRecording.with_errors(
-        drive.world, drive.errors, rate=drive.rate, seed=drive.seed
+        drive.world,
+        drive.errors,
+        rate=drive.rate,
+        seed=drive.seed,
+        detector=network_detector(threads=1) if drive.has_network else None,
     )
     occupancy = recording.occupancy()
     assert occupancy is not None  # it has one by default
@@ -87,7 +98,7 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, MappingConfig]) -> Ma
                 seen[way] = observe(frames[config.alignment], detections, config.perception)
             maps[name].update(seen[way])
     objects = {name: tuple(evidence.objects()) for name, evidence in maps.items()}
-    return Mapped(drive, len(recording), objects)
+    return Mapped(drive, len(recording), objects, recording.sightings)
 
 
 def map_drives(

@@ -60,7 +60,12 @@ def write_report(results: Sequence[WorldResult], data: Data, path: Path, command
             f"<p class=note>{world['objects']} true objects, {len(seeds)} drives (seeds {seeds[0]} "
             f"to {seeds[-1]}) of {world['frames']} frames.</p>"
         )
-        parts += [_overall(world), _by_class(world, "iou"), _by_class(world, "distance")]
+        parts += [
+            _bound(world),
+            _overall(world),
+            _by_class(world, "iou"),
+            _by_class(world, "distance"),
+        ]
         parts += [_reliability(world["methods"][OURS])] if OURS in world["methods"] else []
         shown = [name for name in (OURS, "best shape, overlap") if name in world["methods"]]
         parts += [_picture(result, name) for name in shown]
@@ -107,6 +112,16 @@ def _overall(world: Data) -> str:
         ]
         rows.append((cells, name == OURS))
     return _table(head, rows)
+
+
+def _bound(world: Data) -> str:
+    """Return how many objects the detections show at all, which bounds recall."""
+    bound = world["bound"]
+    return (
+        f"<p class=note>The drives show {bound['shown']:.0%} of the true objects. The detector "
+        f"finds {bound['detected']:.0%} of them by their class in at least one frame, "
+        f"{bound['detected_twice']:.0%} in at least two: no method can recall more.</p>"
+    )
 
 
 def _by_class(world: Data, measure: str) -> str:

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hypermap._version import __version__
 from hypermap.core.semantic import SemanticObject
+from hypermap.evaluation.average_precision import average_precision
 from hypermap.evaluation.metrics import Evaluation, evaluate
 from hypermap.evaluation.significance import effect_of, signed_rank
 from hypermap.experiments.calibration import Bin, calibration_error, judged, reliability
 from hypermap.experiments.drives import Mapped
 from hypermap.experiments.methods import OURS, PUBLISHED
-from hypermap.simulation import World
+from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.simulation import Errors, World
 from hypermap.simulation.truth import true_objects
 
 Data = dict[str, Any]
+AP_THRESHOLDS = tuple(0.25 + 0.05 * step for step in range(11))  # to 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +105,21 @@ class WorldResult:
             ],
         }
 
+    def bound(self) -> Data:
+        """Return means over the drives of what no method can find more of: see `Sightings`."""
+        drives = [mapped.sightings for mapped in self.mapped]
+        return {
+            "shown": float(np.mean([np.mean(drive.visible > 0) for drive in drives])),
+            "detected": _mean([drive.share() for drive in drives]),
+            "detected_twice": _mean([drive.share(at_least=2) for drive in drives]),
+        }
+
+    def average_precision(self, method: str) -> dict[str, float | None]:
+        """Return the average precision at each of `AP_THRESHOLDS`, over all drives at once."""
+        truths = [true_objects(mapped.drive.world).objects() for mapped in self.mapped]
+        maps = [(m.objects[method], truth) for m, truth in zip(self.mapped, truths, strict=True)]
+        return {f"{at:.2f}": average_precision(maps, at) for at in AP_THRESHOLDS}
+
     def reliability(self, method: str) -> tuple[Bin, ...]:
         """Return how often a method's objects are true, by how sure its maps are of them."""
         objects = [mapped.objects[method] for mapped in self.mapped]
@@ -141,6 +162,37 @@ def to_data(results: Sequence[WorldResult]) -> Data:
     }
 
 
+def made_with(errors: Errors, methods: Mapping[str, MappingConfig]) -> Data:
+    """Return all that figures depend on besides worlds and seeds: versions and settings.
+
+    Args:
+        errors: of the drives.
+        methods: by name.
+    """
+    packages = ("numpy", "scipy", "shapely", "numba")
+    return {
+        "versions": {
+            "hypermap": __version__,
+            "python": platform.python_version(),
+            **{name: version(name) for name in packages},
+        },
+        "errors": _finite(asdict(errors)),
+        "methods": {name: _finite(to_dict(config)) for name, config in methods.items()},
+    }
+
+
+def _finite(data: Data) -> Data:
+    """Return settings with "inf" for infinite numbers, which JSON does not have."""
+    return {
+        key: _finite(value)
+        if isinstance(value, dict)
+        else "inf"
+        if value == float("inf")
+        else value
+        for key, value in data.items()
+    }
+
+
 def _world(result: WorldResult) -> Data:
     drives = [mapped.drive for mapped in result.mapped]
     return {
@@ -148,7 +200,32 @@ def _world(result: WorldResult) -> Data:
         "objects": len(result.truth),
         "seeds": [drive.seed for drive in drives],
         "frames": result.mapped[0].frames,
+        "bound": result.bound(),
+        "drives": [_drive(result, place) for place in range(len(drives))],
         "methods": {name: _method(result, name) for name in result.evaluations},
+    }
+
+
+def _drive(result: WorldResult, place: int) -> Data:
+    """Return what one drive shows, and what each method makes of it."""
+    mapped = result.mapped[place]
+    scores = {name: of[place].overall for name, of in result.evaluations.items()}
+    return {
+        "seed": mapped.drive.seed,
+        "frames": mapped.frames,
+        "detected": mapped.sightings.share(),
+        "detected_twice": mapped.sightings.share(at_least=2),
+        "methods": {
+            name: {
+                "iou": score.shape_iou,
+                "distance": score.shape_distance,
+                "at": [
+                    {"min_iou": d.min_iou, "precision": d.precision, "recall": d.recall, "f1": d.f1}
+                    for d in score.detection
+                ],
+            }
+            for name, score in scores.items()
+        },
     }
 
 
@@ -165,6 +242,7 @@ def _method(result: WorldResult, name: str) -> Data:
             for class_ in result.classes()
         },
         **result.found(name),
+        "average_precision": result.average_precision(name),
         "reliability": [vars(one) for one in bins],
         "calibration_error": calibration_error(bins),
     }

@@ -1,4 +1,4 @@
-"""Plausible sizes of each class: a detection of another size is a false positive.
+"""Plausible sizes and heights of each class: a detection of another size is a false positive.
 
 Source: Hoiem, Efros, Hebert, "Putting objects in perspective", CVPR 2006, weigh detections by how
 probable the size of the object is. A depth image measures it, so wide limits do here.
@@ -64,6 +64,36 @@ CLASS_SIZES: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 
 
+# Highest place of the lowest point that is seen of things that stand on the floor or on a table [m
+# above the floor]; wide, as something may hide all that is below.
+CLASS_LOWEST: Mapping[str, float] = MappingProxyType(
+    {
+        "bed": 1.0,
+        "bench": 0.8,
+        "bin": 0.9,
+        "chair": 0.9,
+        "couch": 0.9,
+        "desk": 1.2,
+        "diningtable": 1.2,
+        "keyboard": 1.3,
+        "laptop": 1.5,
+        "mouse": 1.3,
+        "person": 1.3,
+        "sink": 1.2,
+        "sofa": 0.9,
+        "suitcase": 1.0,
+        "table": 1.2,
+        "toilet": 0.8,
+    }
+)
+_OTHER_FLOOR = 2.4  # meters above z = 0 from which on the map has its floor elsewhere
+
+
+def is_usual(name: str, evidence: Evidence) -> bool:
+    """Return whether an observation is as large and as low as things of its class are."""
+    return has_usual_size(name, evidence) and is_at_usual_height(name, evidence)
+
+
 def has_usual_size(name: str, evidence: Evidence) -> bool:
     """Return whether an observation has a plausible size for its class.
 
@@ -77,3 +107,14 @@ def has_usual_size(name: str, evidence: Evidence) -> bool:
     xmin, ymin, xmax, ymax = evidence.prepared.box
     least, most = limits
     return least <= max(xmax - xmin, ymax - ymin, evidence.z_max - evidence.z_min) <= most
+
+
+def is_at_usual_height(name: str, evidence: Evidence) -> bool:
+    """Return whether an observation is as low as things of its class are.
+
+    Args:
+        name: the class. A class that is not in `CLASS_LOWEST` may be anywhere.
+        evidence: the observation.
+    """
+    highest = CLASS_LOWEST.get(name.replace(" ", "").lower())
+    return highest is None or not highest < evidence.z_min < _OTHER_FLOOR

@@ -135,6 +135,7 @@ _PROFILES: Mapping[str, MappingConfig] = {
             half_weight=math.inf,
             align=0.0,
             exclusive=False,
+            confidence="score",
             moves=False,
         ),
         keyframes=KeyframeConfig(min_distance=0.02, min_angle_deg=1.0),

@@ -7,6 +7,7 @@ both profiles.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -22,7 +23,8 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.history.differences import MOVE
 from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.by_hand import HandEdit
-from hypermap.mapping.class_sizes import has_usual_size
+from hypermap.mapping.class_posterior import one_class_per_place
+from hypermap.mapping.class_sizes import is_usual
 from hypermap.mapping.completion import FreeShare, completed
 from hypermap.mapping.evidence_buffer import Evidence, evidence_from
 from hypermap.mapping.evidence_table import lazy_evidence_table
@@ -40,6 +42,7 @@ from hypermap.perception.observation import Observation, ObservedObject
 _log = logging.getLogger(__name__)
 
 _SAME_PLACE = 0.5  # Jaccard index of published footprints from which two tracks are one object
+_SURE = 4.0  # existence at which an object is there with a probability of 1 - 1/e; measured
 _CO_OCCURRENCE_SHARE = 0.2  # share of a track's frames that also show another: then they are two
 
 
@@ -98,7 +101,7 @@ class EvidenceMap:
             self.ignored += len(observation.objects) - len(found)
             _log.info("frame %.6f: skipped shapes without area", observation.stamp)
         if self.config.class_sizes == "usual":
-            found = [(item, one) for item, one in found if has_usual_size(item.name, one)]
+            found = [(item, one) for item, one in found if is_usual(item.name, one)]
         # All are compared with the tracks from before the frame, so their order does not matter.
         misclassified = [self._misclassified(item.name, evidence) for item, evidence in found]
         tracks = [
@@ -145,16 +148,21 @@ class EvidenceMap:
         An object keeps its id between calls. Merged objects keep the oldest id.
 
         Args:
-            ids: which of them; None for all. Objects are landmarks for each other (`landmarks`)
-                only where all are asked for.
+            ids: which of them; None for all. Only where all are asked for are objects landmarks
+                for each other (`landmarks`), and is there one class for each place (`slip`).
         """
         rows = self._published_rows()
         if ids is not None:
             return [self._published(row) for row in rows if self._tracks.objects[row].id in ids]
-        if not self.config.landmarks or self.config.fusion != "votes":
-            return [self._published(row) for row in rows]
-        shifts = landmark_moves([track.buffer for track in self._tracks.objects])
-        return [self._published(row, shifts[row]) for row in rows]
+        tracks = self._tracks.objects
+        if self.config.landmarks and self.config.fusion == "votes":
+            shifts = landmark_moves([track.buffer for track in tracks])
+            found = [self._published(row, shifts[row]) for row in rows]
+        else:
+            found = [self._published(row) for row in rows]
+        if self.config.slip >= 1:
+            return found
+        return one_class_per_place(found, self.config.slip, self.hand_edits())
 
     def summary(self) -> list[tuple[int, int, float]]:
         """Return id, number of pieces of evidence and existence of each object of `objects`.
@@ -451,13 +459,20 @@ class EvidenceMap:
             footprint=self._footprint(row, shifts),
             id=track.id,
             tags=(track.name,),
-            confidence=(buffer.score_sum / buffer.count,),
+            confidence=(self._confidence(row),),
             existence=float(self._tracks.existence[row]),
             first_seen=buffer.first_seen,
             last_seen=buffer.last_seen,
             attributes=attributes,
         )
         return found if edit is None else edit.applied_to(found)
+
+    def _confidence(self, row: int) -> float:
+        """Return how sure it is that a track is an object: a probability, by its existence."""
+        buffer = self._tracks.objects[row].buffer
+        if self.config.confidence == "score":
+            return buffer.score_sum / buffer.count
+        return -math.expm1(-max(float(self._tracks.existence[row]), 0.0) / _SURE)
 
     def _footprint(self, row: int, shifts: NDArray[np.float64] | None = None) -> BaseGeometry:
         """Return a track's footprint as it is published.

@@ -75,7 +75,7 @@ class EvidenceConfig:
     """How observed shapes become objects; see `EvidenceMap`.
 
     Attributes:
-        class_sizes: "usual" leaves out what is smaller or larger than objects of its class are;
+        class_sizes: "usual" leaves out what is smaller, larger or higher up than its class is;
             "any" does not.
         association: how to find the tracks that an observed shape belongs to: "overlap", "jaccard"
             or "radius".
@@ -122,9 +122,12 @@ class EvidenceConfig:
         contested: existence lost where a frame shows an object of another class in its place.
         min_contested: Jaccard index from which on two objects claim the same place.
         slip: Jaccard index with a confirmed track of another class from which on an observed shape
-            counts as a misclassification and adds nothing; 1 turns this off.
+            counts as a misclassification and adds nothing; and from which on two published objects
+            of different classes are one, whose class is decided; 1 turns this off.
         max_range: distance from the camera up to which an object can be missed [m].
         max_existence: existence never grows above this.
+        confidence: of an object: "existence", the probability that it is there, by its existence;
+            "score", the mean score of its detections.
         publish_above: objects with more existence than this are in the map.
         forget_below: tracks with less existence than this are pruned.
     """
@@ -163,6 +166,7 @@ class EvidenceConfig:
     slip: float = 0.4
     max_range: float = 4.0
     max_existence: float = 20.0
+    confidence: Literal["existence", "score"] = "existence"
     publish_above: float = 2.0
     forget_below: float = -5.0
 

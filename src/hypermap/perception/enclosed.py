@@ -115,7 +115,7 @@ def _together(
     """Return the surface that fits the box best, and the others at about the same depth.
 
     Those at another depth are the object instead if together they fit the box clearly better, as
-    the two ends of a thing whose middle is hidden.
+    the two ends of a thing whose middle is hidden. Nearer ones must also be the larger part of it.
     """
     extents, sizes, depths = inside.extents[own], inside.sizes[own], inside.depths[own]
     width, height = (box[2] - box[0]) / camera.K[0, 0], (box[3] - box[1]) / camera.K[1, 1]
@@ -125,9 +125,11 @@ def _together(
     if usual.all():
         return own
     fit = _iou(_extent(extents, usual[np.newaxis]), box)[0]
-    if fit + BETTER < 1:
-        mains = depths[sizes >= MAIN_SHARE * sizes.max(), np.newaxis]
-        others = np.abs(depths - mains) <= max_offset * mains
+    mains = depths[sizes >= MAIN_SHARE * sizes.max(), np.newaxis]
+    others = np.abs(depths - mains) <= max_offset * mains
+    is_likely = (mains[:, 0] > depths[main]) | (others @ sizes > sizes[usual].sum())
+    if fit + BETTER < 1 and is_likely.any():
+        others = others[is_likely]
         fits = _iou(_extent(extents, others), box)
         best = np.argmax(fits)
         if fits[best] > fit + BETTER:

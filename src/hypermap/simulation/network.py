@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import resources
 
 from hypermap.perception.detections import Detector
 from hypermap.perception.detectors import load_detector
 from hypermap.simulation.models import MODELS
-from hypermap.simulation.world import WorldObject
+from hypermap.simulation.world import World, WorldObject
 
 # What looks alike has one name: a network cannot know what a world's author calls it. The last four
 # came after its training.
@@ -25,6 +26,12 @@ CLASSES = tuple(model for model in MODELS if model not in _ALIKE)
 def class_of(thing: WorldObject) -> str:
     """Return what the network calls a thing: its model, whatever its name in the world is."""
     return _ALIKE.get(thing.model, thing.model)
+
+
+def named_for_network(world: World) -> World:
+    """Return a world whose objects have the names that the network gives them."""
+    objects = tuple(replace(thing, name=class_of(thing)) for thing in world.objects)
+    return replace(world, objects=objects)
 
 
 def network_detector(score_threshold: float = 0.2, threads: int | None = None) -> Detector:

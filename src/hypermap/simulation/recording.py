@@ -25,6 +25,7 @@ from hypermap.simulation.people import draw_walkers, walkers_at
 from hypermap.simulation.pose_noise import PoseNoise
 from hypermap.simulation.render import DEFAULT_CAMERA, Rendering
 from hypermap.simulation.scene import Scene, size_of
+from hypermap.simulation.sightings import Sightings
 from hypermap.simulation.trajectory import DrivePlan, camera_poses, planar_poses, poses_at
 from hypermap.simulation.views import Views
 from hypermap.simulation.world import World
@@ -46,6 +47,8 @@ class SimulatedRecording:
         world: the scene.
         camera: the RGB-D camera.
         faults: the kind of fault of each bad frame, by the frame's number.
+        sightings: how often each thing of the world was seen in the frames that were asked for
+            last, whatever a fault made of them.
     """
 
     def __init__(
@@ -111,6 +114,7 @@ class SimulatedRecording:
         self._true_poses = camera_poses(poses, world.drive)
         self._estimated_poses = self._estimated(pose_noise or PoseNoise(), poses, world.drive)
         drawn = (draw_fault(bad_frames, self._rng(_FAULT, i)) for i in range(len(self)))
+        self.sightings = Sightings.none(len(world.objects))
         self.faults = {i: fault for i, fault in enumerate(drawn) if fault is not None}
 
     @property
@@ -164,6 +168,8 @@ class SimulatedRecording:
         views = Views(self.world, self.camera)
         dark = self._depth_noise.draw_dark(len(self.world.objects), self._rng(_DARK))
         noisy, places = self._noisy_detector(), self._false_places(views)
+        names = [thing.label for thing in self.world.objects]
+        self.sightings = Sightings.none(len(names))
         for i, stamp in enumerate(self._stamps.tolist()):
             pose = self._true_poses[i]
             moving = self._people_at(stamp, pose)
@@ -171,6 +177,11 @@ class SimulatedRecording:
             measured = views.measured(
                 view, pose, moving, self._depth_noise.glass_return, self._rng(_GLASS, i)
             )
+            if self._detector is not None:
+                detections = self._detector.detect(view.color)
+            else:
+                detections = noisy.detect(view.instances, self._seen_falsely(places, view, i))
+            self.sightings.add(view.instances, detections, names)
             yield RgbdFrame(
                 stamp=stamp,
                 depth=self._depth_noise.measure(measured, self._rng(_DEPTH, i), dark),
@@ -178,11 +189,7 @@ class SimulatedRecording:
                 map_T_camera=self._estimated_poses[i],
                 color=view.color,
                 color_stamp=stamp,
-                detections=(
-                    self._detector.detect(view.color)
-                    if self._detector is not None
-                    else noisy.detect(view.instances, self._seen_falsely(places, view, i))
-                ),
+                detections=detections,
             )
 
     def _noisy_detector(self) -> NoisyDetector:
