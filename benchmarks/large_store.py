@@ -12,10 +12,11 @@ import contextlib
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from suite import fleet
-from suite.race import Settings
+from suite.race import Figure, Settings
 
 from hypermap.fleet.store import finding
 from hypermap.fleet.store.address import parse_address
@@ -100,13 +101,15 @@ def main(sites: int = 1000, address: str | None = None) -> None:
     """Fill a store, ask it, and print all."""
     with store(address) as filled:
         database = Database(parse_address(filled))
+        settings = Settings(None, 5, False, Path())
         begin = time.monotonic()
         fill(database, sites)
         print(f"filled in {time.monotonic() - begin:.0f} s")
         size = database.rows("SELECT pg_size_pretty(pg_database_size(current_database()))")[0][0]
         print(f"{size} on disk")
-        for row in fleet._questions(filled, f"{sites * OBJECTS:,} objects", Settings()):
-            print(row)
+        for row in fleet._questions(filled, f"{sites * OBJECTS:,} objects", settings):
+            if isinstance(row, Figure):
+                print(f"{row.work}: {row.values[0]:.2f} {row.unit}, asked {row.asked:.2f}")
         explain(database)
         database.close()
 

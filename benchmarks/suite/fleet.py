@@ -129,7 +129,8 @@ def _questions(address: str, size: str, settings: Settings) -> Iterator[Row]:
     hypermap: Any = open_map(f"{address}&site=site 3")
     plain = psycopg.connect(
         address,
-        options="-c search_path=hypermap,public -c plan_cache_mode=force_custom_plan",  # as ours
+        options="-c search_path=hypermap,public -c plan_cache_mode=force_custom_plan "
+        "-c jit=off",  # as ours
         autocommit=True,
     )
     (layer,) = plain.execute(
