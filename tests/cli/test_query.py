@@ -148,7 +148,7 @@ def test_an_empty_answer_is_no_error_and_hints_at_the_nearest_name(hypermap, roo
         (["--nearest", "--in", "0,0,1,1"], "the nearest what? give --name NAME"),
         (["--name", "chair", "--nearest", "--near", "sink"], "give either --nearest"),
         (["--name", "chair", "--within", "1"], "--within needs --near"),
-        (["--name", "chair", "--layer", "rooms"], "there is no layer 'rooms'"),
+        (["--name", "chair", "--layer", "rooms"], "the map has no rooms"),
         (["--name", "chair", "--layer", "semantics"], "did you mean 'semantic'?"),
         (["--near", "chair", "--layer", "occupancy"], "'occupancy' has none"),
         (["--at", "1,2", "--frame", "rom"], "did you mean 'room'?"),
