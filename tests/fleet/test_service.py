@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import shapely
 
 pytest.importorskip("psycopg", reason="psycopg is missing")
 
@@ -235,3 +237,24 @@ def test_sigterm_is_the_usual_end_of_what_serves_or_follows(
         process.terminate()
         assert process.communicate(timeout=30)[1] == ""
         assert process.wait() == 0
+
+
+def test_gdal_reads_a_site_with_special_characters_page_by_page(store: str, reader: Any) -> None:
+    pyogrio = pytest.importorskip("pyogrio", reason="pyogrio is missing")
+    # The service is another process: pyogrio keeps Python's lock while it reads.
+    with Command("api", store, "--port", 0, "--token", TOKEN, stderr=subprocess.PIPE) as process:
+        assert process.stderr is not None
+        line = next(line for line in process.stderr if "http://" in line)
+        (url,) = re.findall(r"http://[\w.:]+", line)
+        options = {"GDAL_HTTP_AUTH": "BEARER", "GDAL_HTTP_BEARER": TOKEN}
+        options["OGR_OAPIF_INITIAL_REQUEST_PAGE_SIZE"] = "2"
+        pyogrio.set_gdal_config_options(options)
+        _, _, shapes, (names,) = pyogrio.raw.read(
+            f"OAPIF:{url}", f"{SITE}:semantic", columns=["name"]
+        )
+        process.terminate()
+        process.communicate(timeout=30)
+        assert process.wait() == 0
+    pyogrio.set_gdal_config_options(dict.fromkeys(options))
+    found = sorted(zip(names, shapely.area(shapely.from_wkb(shapes)).tolist(), strict=True))
+    assert found == [("chair", 1.0)] * 5 + [("table", 1.0)]
