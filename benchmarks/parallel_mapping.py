@@ -4,22 +4,29 @@
 
 One process with one thread, and 1 and 2 workers with one thread each, take turns. Then workers
 that only sleep, as long as looking at a frame takes, stand for those of a cluster: what
-they return is sent as by real ones, and mapped.
+they return is sent as by real ones, and mapped. Where Ray is installed, the same is done by a
+cluster on this computer that is told of more cores than there are.
 """
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import os
 import pickle
 import resource
 import statistics
+import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 from hypermap.fleet.ahead import LookedAtAhead
+from hypermap.fleet.cluster import Cluster
 from hypermap.fleet.looking import Look, look_at
 from hypermap.fleet.workers import Processes
 from hypermap.mapping.config import chosen_config
@@ -28,6 +35,8 @@ from hypermap.perception.detectors.origin import DetectionOrigin
 from hypermap.perception.recording import PendingFrame
 from hypermap.recordings import open_recording
 
+READY = "[__import__('time').sleep(0.5), __import__('hypermap.fleet.looking')][0]"
+"""What each worker of Ray does first, which takes seconds: it imports the program."""
 CONFIG = chosen_config("default", has_network=True)
 
 
@@ -35,7 +44,7 @@ class Sleeping:
     """Workers that sleep instead of looking, and return what was seen before, pickled."""
 
     def __init__(self, count: int, seconds: float, seen: dict[float, bytes]) -> None:
-        self.count = count
+        self.count, self.threads = count, 1
         self._seconds, self._seen = seconds, seen
         self._threads = ThreadPoolExecutor(count)
 
@@ -50,6 +59,21 @@ class Sleeping:
     def close(self) -> None:
         """End the threads."""
         self._threads.shutdown()
+
+
+class SleepingOnRay:
+    """Workers of a Ray cluster that sleep instead of looking, and return what was seen before."""
+
+    def __init__(self, cluster: Cluster, seconds: float, folder: Path) -> None:
+        self.count, self.threads = cluster.count, cluster.threads
+        self._cluster, self._seconds, self._folder = cluster, seconds, folder
+
+    def submit(self, _function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Return what was seen of a frame after a while."""
+        path, seconds = str(self._folder / repr(arguments[0].stamp)), self._seconds
+        load = f"__import__('pickle').load(open({path!r}, 'rb'))"
+        code = f"[__import__('time').sleep({seconds!r}), {load}][1]"
+        return self._cluster.submit(eval, code)
 
 
 def run(recording: str, origin: DetectionOrigin, workers: Any) -> tuple[float, float]:
@@ -112,13 +136,40 @@ def simulate(recording: str, origin: DetectionOrigin) -> None:
     _, serial = run(recording, origin, alone)
     serial /= len(seen) - 5
     print(f"mapping one that was looked at: {1e3 * serial:.1f} ms CPU")
-    for count in (1, 2, 4, 8, 16, 100):
+
+    def tell(what: str, count: int, workers: Any) -> None:
         law = (parallel + serial) / max(serial, (parallel + serial) / (count + 1), parallel / count)
-        workers = Sleeping(count, parallel, seen)
         wall, _ = run(recording, origin, workers)
         rate = (len(seen) - 5) / wall
         speedup = rate * (parallel + serial)
-        print(f"{count} workers: {rate:.1f} frames/s, x{speedup:.1f}; law {law:.1f}")
+        print(f"{count} {what}: {rate:.1f} frames/s, x{speedup:.1f}; law {law:.1f}", flush=True)
+
+    for count in (1, 2, 4, 8, 16, 100):
+        tell("workers", count, Sleeping(count, parallel, seen))
+    if importlib.util.find_spec("ray") is None:
+        print("Ray is not installed")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for stamp, looked in seen.items():
+            (Path(folder) / repr(stamp)).write_bytes(looked)
+        for count in (1, 2, 4, 8, 16):
+            with a_cluster(count) as cluster:
+                tell("workers of Ray", count, SleepingOnRay(cluster, parallel, Path(folder)))
+
+
+@contextlib.contextmanager
+def a_cluster(count: int) -> Iterator[Cluster]:
+    """Start a Ray cluster on this computer, said to have so many cores, with all workers ready."""
+    start = ["start", "--head", f"--num-cpus={count}", "--port=0", "--disable-usage-stats"]
+    ray = [sys.executable, "-m", "ray.scripts.scripts"]
+    subprocess.run([*ray, *start], check=True, stdout=subprocess.DEVNULL)
+    try:
+        with Cluster("auto") as cluster:
+            for each in [cluster.submit(eval, READY) for _ in range(4 * count)]:
+                each.result()
+            yield cluster
+    finally:
+        subprocess.run([*ray, "stop", "--force"], check=True, stdout=subprocess.DEVNULL)
 
 
 if __name__ == "__main__":
