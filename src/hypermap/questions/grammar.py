@@ -58,6 +58,7 @@ _MOST = {"less than": -1, "fewer than": -1} | dict.fromkeys(
 
 # Of rooms, these words say what is not there, and not what else the things are.
 _LACKING = ("but no", "but not", "and no")
+_ONE_AT_A_TIME = "this cannot be combined with what else is in a room; ask one at a time"
 _RELATIONS: dict[str, Relation] = {
     "IN": "in",
     "ON": "on",
@@ -188,7 +189,8 @@ class _Parts(Transformer[Token, Query]):
         "Chairs but no tables" are a condition on the room, "seats other than sofas" on the seats.
         """
         query, rooms, lacked = _query(parts), _rooms(parts), _lacked(parts)
-        if query.besides and _types(self._tokens)["BUT"] in _LACKING:
+        if query.besides and self._but in _LACKING:
+            self._check_nothing_after_but()
             query, lacked = replace(query, besides=()), (*lacked, query.besides)
         are_all = query.names in self._all_of
         within = (Condition("in", Reference(rooms=rooms)),) if rooms else ()
@@ -201,13 +203,22 @@ class _Parts(Transformer[Token, Query]):
         if self._all_of & {*lacked} or (are_all and query.where):
             self._check_either()
         if query.besides or query.tags or query.which is not None:
-            raise ValueError(
-                "this cannot be combined with what else is in a room; ask one at a time"
-            )
+            raise ValueError(_ONE_AT_A_TIME)
         wanted = [(name,) for name in query.names] if are_all else [query.names]
         having = [Condition("with", Reference(names, query.where)) for names in wanted if names]
         but = [Condition("with", Reference(names), negated=True) for names in lacked]
         return Query(give, layers=(ROOMS,), where=(*within, *having, *but))
+
+    @property
+    def _but(self) -> str:
+        """The word before what is left out."""
+        return _types(self._tokens).get("BUT", "")
+
+    def _check_nothing_after_but(self) -> None:
+        """Raise a ValueError if there is a place after "but no cups": of the cups, or of all?"""
+        at = max(i for i, token in enumerate(self._tokens) if token.type == "BUT")
+        if any(token.type not in ("THING", "AND", "OR") for token in self._tokens[at + 1 :]):
+            raise ValueError(_ONE_AT_A_TIME)
 
     def _check_either(self) -> None:
         """Raise a ValueError if both of two objects, or all places, are asked for, not any."""
@@ -267,18 +278,16 @@ class _Parts(Transformer[Token, Query]):
         types = _types(parts)
         which: Which = "most" if "MOST" in types else "fewest"
         count = _whole(types["NUMBER"]) if "NUMBER" in types else None
-        return replace(self._per_room(parts, "rooms"), which=which, count=count)
+        return replace(self._rooms_with(parts, "rooms"), which=which, count=count)
 
     def rooms_with(self, parts: list[Any]) -> Query:
-        return replace(self._per_room(parts, "rooms"), number=_number(parts))
+        return replace(self._rooms_with(parts, "rooms"), number=_number(parts))
 
     def is_room_with(self, parts: list[Any]) -> Query:
-        self._check_either()
-        return replace(self._per_room(parts, "count"), give="exists", number=_number(parts))
+        return replace(self._rooms_with(parts, "count"), give="exists", number=_number(parts))
 
     def many_rooms_with(self, parts: list[Any]) -> Query:
-        self._check_either()
-        return replace(self._per_room(parts, "count"), number=_number(parts))
+        return replace(self._rooms_with(parts, "count"), number=_number(parts))
 
     def is_number(self, parts: list[Any]) -> Query:
         self._check_either()
@@ -308,10 +317,22 @@ class _Parts(Transformer[Token, Query]):
             raise ValueError("one or more? say 'exactly one' or 'at least one'")
         return Number(count)
 
+    def _rooms_with(self, parts: list[Any], give: Give) -> Query:
+        """Return the query for rooms by how many objects are in them.
+
+        "No chairs and no tables" are neither; with another number, each has its own.
+        """
+        self._check_either()
+        query = self._per_room(parts, give)
+        if not query.besides or self._but not in (*_LACKING, "but"):
+            return query
+        if "LACK" not in _types(parts) or self._but == "but" or _query(parts).where:
+            raise ValueError(_ONE_AT_A_TIME)
+        names = (*query.names, *query.besides) if query.names else ()
+        return replace(query, names=names, besides=())
+
     def _per_room(self, parts: list[Any], give: Give) -> Query:
         """Return the query that counts objects in each room, or in each of some rooms."""
-        if give != "count":
-            self._check_either()
         query, rooms = _counted(parts), _rooms(parts)
         if rooms:
             query = replace(query, where=(*query.where, Condition("in", Reference(rooms=rooms))))

@@ -157,6 +157,9 @@ _OF_CONDITIONS = {
     "NOT",
     "IS",
 }
+# What these words leave out is of the first objects, not of those near which they are.
+_NOT_THOSE = ("but not", "but not those", "except those", "except the ones")
+_PLACED = _OF_CONDITIONS - {"NOT", "IS"}
 _DROPPED = (
     "please|the|a|an|my|our|your|his|her|their|its|some|any|all|all the|robot"
     "|hey|hi|hello|ok|okay|can you tell me|could you tell me|do you know|tell me|actually"
@@ -331,6 +334,8 @@ def tokens_of(text: str, vocabulary: Vocabulary) -> list[Token]:
     while at < len(words):
         token, used = _next(words, at, vocabulary)
         if token is not None:
+            if token.type == "NOT" and token in _NOT_THOSE and _PLACED & {t.type for t in tokens}:
+                tokens.append(Token("AND", token))
             tokens.append(token)
         at += used
     return [
