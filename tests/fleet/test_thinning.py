@@ -64,6 +64,19 @@ def test_no_more_megabytes_stay_than_asked_but_for_the_last_day(
     assert places(database, old_site) == places(database, old_site, 6) == [4.5, 8.5]
 
 
+def test_versions_that_take_no_space_stay(database: Database, site: str) -> None:
+    push(database, Hypermap([SemanticLayer("semantic", "map", [square("cup", 0, 0)])]), site)
+    apply(database, Update(site, "semantic", [square("bed", 9, 9)]))
+    with database.transaction() as cursor:
+        cursor.execute(
+            "UPDATE versions SET at = now() - (4 - version) * interval '1 day' WHERE site_id = "
+            "(SELECT id FROM sites WHERE name = %s)",
+            (site,),
+        )
+    assert thin(database, site, max_mb=1.0).versions == 0
+    assert places(database, site, 1) == [-0.5]
+
+
 def test_the_command_thins_a_site_and_says_what_it_removed(
     database: Database, store: str, old_site: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

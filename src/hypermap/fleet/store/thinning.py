@@ -9,7 +9,7 @@ from psycopg import sql
 
 from hypermap.fleet.store import tables
 from hypermap.fleet.store.database import Database
-from hypermap.fleet.store.sites import lock_site, no_site
+from hypermap.fleet.store.updates import locked_site
 
 if TYPE_CHECKING:
     from psycopg import Cursor
@@ -62,15 +62,12 @@ def thin(
     if not keep >= DAY:
         raise ValueError(f"keep must be at least a day, got {keep} s")
     with database.transaction() as cursor:
-        found = lock_site(cursor, site)
-        if found is None:
-            raise no_site(database, site)
-        site_id, present = found
+        site_id, present = locked_site(cursor, database, site)
         cursor.execute("SELECT id FROM layers WHERE site_id = %s", (site_id,))
         owners = {"site_id": [site_id], "layer_id": [number for (number,) in cursor]}
         first = _first_since(cursor, site_id, present, keep)
         if max_mb is not None:
-            of_size = _first_of_size(cursor, owners, present, 1e6 * max_mb)
+            of_size = _first_of_size(cursor, owners, 1e6 * max_mb)
             first = max(first, min(of_size, _first_since(cursor, site_id, present, DAY)))
         removed = 0
         for table in tables.ALL:
@@ -95,17 +92,17 @@ def _first_since(cursor: Cursor[Any], site_id: int, present: int, seconds: float
     return int(cursor.fetchall()[0][0])
 
 
-def _first_of_size(
-    cursor: Cursor[Any], owners: dict[str, list[int]], present: int, most: float
-) -> int:
-    """Return the oldest version for which the rows of former ones take no more bytes than that."""
+def _first_of_size(cursor: Cursor[Any], owners: dict[str, list[int]], most: float) -> int:
+    """Return the oldest version for which the rows of former ones take no more bytes than that.
+
+    It is 0 if all of them may stay.
+    """
     sizes: dict[int, float] = {}  # by the version that replaced the rows
     for version, size in cursor.execute(_SIZES, owners).fetchall():
         sizes[version] = sizes.get(version, 0.0) + float(size)
-    total, first = 0.0, present
+    total = 0.0
     for version in sorted(sizes, reverse=True):
         total += sizes[version]
         if total > most:
             return version
-        first = version - 1
-    return first
+    return 0
