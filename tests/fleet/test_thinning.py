@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 pytest.importorskip("psycopg", reason="psycopg is missing")
 
 from hypermap import Hypermap, SemanticLayer
 from hypermap.cli.main import main
-from hypermap.fleet.store.address import StoreError, parse_address
+from hypermap.fleet.store.address import StoreError, parse_address, site_address
 from hypermap.fleet.store.database import Database
+from hypermap.fleet.store.followed_site import FollowedSite
 from hypermap.fleet.store.pushing import pull, push
 from hypermap.fleet.store.sites import history
 from hypermap.fleet.store.thinning import DAY, thin
@@ -75,6 +78,25 @@ def test_versions_that_take_no_space_stay(database: Database, site: str) -> None
         )
     assert thin(database, site, max_mb=1.0).versions == 0
     assert places(database, site, 1) == [-0.5]
+
+
+def test_a_map_that_was_last_read_before_what_is_left_is_read_anew(
+    database: Database, store: str, old_site: str
+) -> None:
+    followed = FollowedSite(site_address(f"{store}&site={old_site}"))
+    apply(database, Update(old_site, "semantic", removed=[0], seen={0: 6}))
+    with database.transaction() as cursor:
+        cursor.execute(
+            "UPDATE versions SET at = at - interval '9 days' WHERE site_id = "
+            "(SELECT id FROM sites WHERE name = %s)",
+            (old_site,),
+        )
+    assert thin(database, old_site, keep=DAY).first == 7
+    with followed:
+        end = time.monotonic() + 20
+        while len(followed.hypermap.semantic()) > 1:
+            assert time.monotonic() < end
+            time.sleep(0.01)
 
 
 def test_the_command_thins_a_site_and_says_what_it_removed(

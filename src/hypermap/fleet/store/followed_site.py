@@ -18,7 +18,7 @@ from hypermap.fleet.store import pushing
 from hypermap.fleet.store.address import Address, StoreAway, StoreError
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.followers import follow
-from hypermap.fleet.store.sites import find_site
+from hypermap.fleet.store.sites import find_site, oldest_version
 from hypermap.fleet.store.updates import Update, apply
 from hypermap.history import begun
 from hypermap.history.differences import differences
@@ -157,8 +157,9 @@ class FollowedSite:
             else:
                 skeleton = pushing.skeleton_of(database, site_id, version, self._site)
                 ids = pushing.ids_of_layers(database, site_id)
-                if list(skeleton.frames) != list(before.frames):
-                    before = Hypermap()  # all lies elsewhere
+                is_thinned = self._version < oldest_version(database, site_id)
+                if is_thinned or list(skeleton.frames) != list(before.frames):
+                    before = Hypermap()  # what has changed is not known, or all lies elsewhere
                 layers = [self._newest(layer, before, ids, version) for layer in skeleton]
                 hypermap = skeleton.with_layers(layers)
                 if hypermap.history is not None:
