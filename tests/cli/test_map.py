@@ -82,6 +82,7 @@ def test_it_is_reported_that_poses_are_not_corrected(hypermap, drive, room_map, 
     assert reported in hypermap(*common).err
     assert reported not in hypermap(*common, "--map", given).err
     assert reported not in hypermap(*common, "--profile", "thesis").err  # which corrects none
+    assert reported not in hypermap(*common, "--correct-poses", "none").err  # as they are asked to
     by_none = hypermap(*common, "--map", given, "--correct-poses", "none")
     assert "corrected by the map" not in by_none.err
     by_either = hypermap(*common, "--map", given, "--correct-poses", "auto")
@@ -124,6 +125,24 @@ def test_another_drive_does_not_tell_of_corrections_of_the_first(hypermap, tmp_p
     more = hypermap(*common, drives[1], "--onto", first, "-o", both)
     assert more.code == 0
     assert "pose_corrections" not in hypermap("info", both, "--json").json["metadata"]
+
+
+def test_each_drive_onto_a_known_map_may_be_corrected_in_another_way(hypermap, room_map, tmp_path):
+    given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
+    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
+    drives = [write_drive(tmp_path / name, frames=2) for name in "abc"]
+    for folder, hundreds in zip(drives[1:], ("200.", "300."), strict=True):
+        for name in ("depth.txt", "rgb.txt", "groundtruth.txt"):
+            file = folder / name
+            file.write_text(file.read_text().replace("100.", hundreds))
+    common = ["map", "--no-objects", "--intrinsics", INTRINSICS, "-o", out]
+    assert hypermap(*common, drives[0], "--map", given).code == 0
+    by_graph = hypermap(*common, drives[1], "--onto", out, "--correct-poses", "graph")
+    assert by_graph.code == 0, by_graph.err
+    assert "poses: 0 of 2 corrected by a pose graph" in by_graph.err
+    by_map = hypermap(*common, drives[2], "--onto", out, "--correct-poses", "map")
+    assert by_map.code == 0, by_map.err
+    assert "corrected by the map" in by_map.err
 
 
 @pytest.mark.parametrize(

@@ -112,6 +112,8 @@ def test_corrected_poses_move_the_map_without_its_recording(hypermap, drive, tmp
         (["--onto", "MAP", "--poses", "BROKEN"], "expected 8 numbers"),
         (["--onto", "MAP"], "give a RECORDING, or --onto MAP with --poses FILE"),
         (["--poses", "LATER"], "corrects the frames of a map; name it with --onto"),
+        (["--onto", "MAP", "--poses", "LATER", "--correct-poses", "graph"], "give the RECORDING"),
+        (["--onto", "MAP", "--poses", "LATER", "--save-poses", "x"], "--save-poses: give the"),
         (["--onto", "ROOM", "--poses", "LATER"], "was not made by mapping"),
     ],
 )

@@ -75,7 +75,7 @@ class PoseCorrection:
 
     def settings(self, config: MappingConfig) -> MappingConfig:
         """Return a configuration that says whether poses are corrected by the map."""
-        if self.way is None or not self.has_map:
+        if self.way is None or (self.way != "none" and not self.has_map):
             return config
         alignment = replace(config.alignment, enabled=self.way in ("map", "auto"))
         return replace(config, alignment=alignment)
@@ -107,9 +107,19 @@ class PoseCorrection:
         return CorrectedRecording(recording, made.poses), made
 
 
-def known_map(base: Hypermap | None) -> bool:
-    """Return whether the poses of a map's drives are corrected by its occupancy layer."""
-    return base is not None and base.metadata.get("poses") == "corrected by the occupancy map"
+def known_map(base: Hypermap, config: MappingConfig) -> bool:
+    """Return whether a map's occupancy layer was given to mapping, and not made from depth.
+
+    Args:
+        base: a map of earlier drives.
+        config: its configuration.
+
+    Raises:
+        CannotGoOn: If the state of its mapper cannot be read.
+    """
+    from hypermap.mapping.going_on import state_of
+
+    return state_of(base, config).log_odds is None
 
 
 def described(metadata: dict[str, Any], corrected: CorrectedPoses | None) -> dict[str, Any]:

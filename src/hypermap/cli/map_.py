@@ -199,6 +199,9 @@ def command(
     check_map_output(output, force or is_same_file(output, onto))
     if value and path is None:
         raise HypermapError("--value: give the RECORDING that has the topic")
+    if path is None and (correct_poses is not None or save_poses is not None):
+        option = "--save-poses" if correct_poses is None else "--correct-poses"
+        raise HypermapError(f"{option}: give the RECORDING whose poses are to be corrected")
     base = map_to_go_on_with(onto, map_file)
     if poses is not None:
         base = corrected(base, onto, poses, request.options)
@@ -218,7 +221,9 @@ def command(
     correction = PoseCorrection(
         correct_poses,
         save_poses,
-        known_map(base) if base is not None else (occupancy or recording.occupancy()) is not None,
+        (occupancy or recording.occupancy()) is not None
+        if base is None
+        else correct_poses is not None and known_map(base, settings),
     )
     settings = correction.settings(settings)
     origin = detection_origin(

@@ -27,7 +27,7 @@ class CannotGoOn(HypermapError):
 def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None) -> MappingConfig:
     """Return the configuration of a map, after checking that mapping can continue it.
 
-    Whether pictures are kept may change.
+    Whether pictures are kept, and whether poses are corrected by the map, may change.
 
     Args:
         hypermap: the map.
@@ -44,7 +44,8 @@ def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None)
     except FormatError as error:
         raise CannotGoOn(f"this map was made by another version: config: {error}") from error
     if asked is not None:
-        config = replace(config, pictures=asked.pictures)
+        alignment = replace(config.alignment, enabled=asked.alignment.enabled)
+        config = replace(config, pictures=asked.pictures, alignment=alignment)
         _check_same(config, asked)
     if hypermap.mapper_state is None:
         raise CannotGoOn(
