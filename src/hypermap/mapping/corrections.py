@@ -14,7 +14,8 @@ FEW_POINTS = "too few upright surfaces are visible"
 NO_BETTER = "corrections so far are no larger than their own errors, as with exact poses"
 LESS_AGREEMENT = "depth images agree less with each other after correction, as with a distorted map"
 NO_MATCHES = "no frames could be matched: they are too few, or show too few upright surfaces"
-NO_MORE_AGREEMENT = "depth images do not agree better with each other after correction"
+NO_BETTER_MATCHES = "frames match about as well by the recorded poses, as where these are exact"
+WORSE_BY_MATCHES = "depth images agree less with each other after correction"
 UNCHANGED = "the pose fits as it is"
 
 _LEAST = 1e-6  # meters or radians; anything less is not a correction

@@ -12,7 +12,12 @@ import numpy as np
 from hypermap.core.errors import HypermapError
 from hypermap.core.trajectory import quats_of
 from hypermap.mapping.consistency import Consistency
-from hypermap.mapping.corrections import NO_BETTER, NO_MATCHES, NO_MORE_AGREEMENT, Corrections
+from hypermap.mapping.corrections import (
+    NO_BETTER_MATCHES,
+    NO_MATCHES,
+    WORSE_BY_MATCHES,
+    Corrections,
+)
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.pose_graph.building import Building
 from hypermap.mapping.pose_graph.planar import Array, compose, inverse, moved, planar, wrapped
@@ -156,9 +161,9 @@ class _Collected:
         if len(given) < _FEWEST_MATCHES:
             return NO_MATCHES
         if _mean(given) < _BETTER * _mean(corrected):
-            return NO_BETTER
+            return NO_BETTER_MATCHES
         gain = self._consistency.gain_of(self._moved_poses())
-        return NO_MORE_AGREEMENT if gain is not None and gain < 0 else None
+        return WORSE_BY_MATCHES if gain is not None and gain < 0 else None
 
     def _moved_poses(self) -> dict[float, Array]:
         """Return all poses, moved as the views before and after them are."""
