@@ -19,7 +19,7 @@ import hypermap as package
 CHECKOUT = Path(__file__).resolve().parents[2]
 SCRIPT = CHECKOUT / "benchmarks" / "bench.py"
 
-_LARGE = shutil.ignore_patterns("__pycache__", "page", "*.onnx", "ros")
+_LARGE = shutil.ignore_patterns("__pycache__", "page", "*.onnx")
 # A group that is as real as any, but small: sums by numpy and by Python.
 GROUP = """
 import sys, time, types

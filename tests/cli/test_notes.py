@@ -143,7 +143,7 @@ def test_a_changed_map_can_be_saved_elsewhere(hypermap, noted, tmp_path):
         (("--write", "x", "--place", "1,1", "--in", "0,0,1,1"), "place of a note is --place"),
         (("--write", "x", "--place", "1"), "an area is a rectangle"),
         (("--write", "x", "--place", "1,nan"), "a point is X,Y"),
-        (("--write", " ", "--place", "1,1"), "says nothing"),
+        (("--write", " ", "--place", "1,1"), "needs a text"),
         (("--write", "x" * 1_000_001, "--place", "1,1"), "attach it as a file"),
         (("--write", "x", "--place", "1,1", "--link", "ftp://x"), "begins with http"),
         (

@@ -64,5 +64,7 @@ def test_the_picture_of_a_grid_is_not_drawn_over(hypermap, room_map, tmp_path):
     assert hypermap("convert", room_map, tmp_path / "map.yaml", "--layer", "occupancy").code == 0
     before = (tmp_path / "map.png").read_bytes()
     result = hypermap("render", tmp_path / "map.yaml", "-o", tmp_path / "map.png")
-    assert_one_error(result, "map.png: this is the picture of the grid map.yaml; it stays")
+    assert_one_error(
+        result, "map.png: this is the picture of the grid map.yaml; it is not replaced"
+    )
     assert (tmp_path / "map.png").read_bytes() == before

@@ -247,7 +247,7 @@ def _command_line(process: str) -> str:
         (["thesiss"], "there is no experiment 'thesiss'; known: thesis"),
         (["thesis", "--worlds", "labb"], "there is no world 'labb'; did you mean 'lab'?"),
         (["thesis", "--errors", "bad"], "there is no level of errors 'bad'"),
-        (["thesis", "--detector", "yolo"], "there is no detector 'yolo'; known: noisy, network"),
+        (["days", "--network"], "--network: only the experiment `thesis` has it"),
         (
             ["thesis", "--worlds", "lab,floor,lab"],
             "--worlds: lab and lab have the same name 'lab'; change the key",

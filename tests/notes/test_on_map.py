@@ -114,8 +114,8 @@ def test_near_a_point_stands_what_lies_there_before_what_lies_around():
     [
         ({"text": "x" * (MAX_TEXT_BYTES + 1)}, "attach it as a file"),
         ({"text": "é" * (MAX_TEXT_BYTES // 2 + 1)}, "1.0 MB"),
-        ({"text": "\ud800"}, "half of a character"),
-        ({"text": " "}, "says nothing"),
+        ({"text": "\ud800"}, "half a character"),
+        ({"text": " "}, "needs a text"),
         ({"author": "A\nB"}, "one line"),
         ({"time": datetime(2026, 1, 1)}, "no time zone"),
         ({"links": ("javascript:alert(1)",)}, "begins with http"),

@@ -108,4 +108,4 @@ def test_a_map_with_too_few_cells_is_an_error_that_names_the_topic(tmp_path: Pat
         bag.add("/map", GRID, START, grid([0] * 6, width=4))
     with pytest.raises(FormatError) as caught:
         open_recording(bag.path).occupancy()
-    assert str(caught.value) == f"{bag.path}: /map: the map of 4 x 2 cells holds 6 numbers"
+    assert str(caught.value) == f"{bag.path}: /map: the map of 4 x 2 cells has 6 numbers"

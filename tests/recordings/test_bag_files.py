@@ -139,7 +139,7 @@ def test_a_bag_with_other_types_of_the_same_names_is_an_error(
     path = write_bag(tmp_path, "ros1", SHOTS)
     assert right in path.read_bytes()
     path.write_bytes(path.read_bytes().replace(right, wrong))
-    with pytest.raises(FormatError, match=f"by the bag, .*{reason}"):
+    with pytest.raises(FormatError, match=f"in the bag.s definitions, .*{reason}"):
         list(open_recording(path).frames())
 
 

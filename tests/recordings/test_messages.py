@@ -112,7 +112,7 @@ def test_a_grid_without_frame_or_orientation_lies_in_the_map() -> None:
 @pytest.mark.parametrize(
     ("message", "text"),
     [
-        (grid([0]), "the map of 2 x 1 cells holds 1 numbers"),
+        (grid([0]), "the map of 2 x 1 cells has 1 numbers"),
         (grid([0, 101]), "the map's cells must be -1 to 100, found 0 to 101"),
         (grid([0, -2]), "the map's cells must be -1 to 100, found -2 to 0"),
         (grid([0, 0], x=0.1), "the map's origin is tilted out of the plane"),

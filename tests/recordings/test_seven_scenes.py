@@ -214,7 +214,7 @@ def test_depth_and_color_of_different_size_from_the_start_are_reported_by_info(
         Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(color)
     assert open_recording(folder).info().missing == (
         f"{path}: color has 64 x 48 pixels, but depth in {folder}/frame-000000.depth.png has "
-        "32 x 24; color must be registered to depth and have its size; otherwise, give --register, "
+        "32 x 24; color must be registered to depth and have its size; or give --register, "
         "--color-intrinsics and --depth-transform",
     )
 

@@ -321,7 +321,7 @@ def test_messages_that_are_wrong_are_ignored_with_one_line_in_the_log(serve):
     log.expect("/map: layer 'occupancy': frame 'mars' is unknown to the map")
     log.expect("/semantic_map: layer 'semantic': frame 'mars' is unknown to the map")
     maps.publish(broken)  # for another reason
-    log.expect("/map: layer 'occupancy': the map of 7 x 1 cells holds 2 numbers")
+    log.expect("/map: layer 'occupancy': the map of 7 x 1 cells has 2 numbers")
     objects.publish(foreign)
     broken.info.width = 8  # for the same one
     maps.publish(broken)

@@ -91,10 +91,10 @@ def test_a_robot_leaves_a_note_with_a_file(graph: Any, make_port: Any, tmp_path:
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"text": ""}, "says nothing"),
+        ({"text": ""}, "needs a text"),
         ({"text": "x", "links": ["javascript:1"]}, "begins with http"),
-        ({"text": "x", "time": "2026-03-02T12:00"}, "no zone"),
-        ({"text": "x", "time": "soon"}, "is no time"),
+        ({"text": "x", "time": "2026-03-02T12:00"}, "no time zone"),
+        ({"text": "x", "time": "soon"}, "is not a time"),
         ({"text": "x", "layer": "occupancy"}, "is of the kind OccupancyLayer"),
     ],
 )

@@ -175,7 +175,7 @@ def test_a_file_that_is_not_what_it_says_is_refused_and_leaves_nothing(path, con
     ("operation", "expected", "said"),
     [
         (add_note("x" * 1_000_001), 400, "attach it as a file"),
-        (add_note(""), 400, "says nothing"),
+        (add_note(""), 400, "needs a text"),
         (add_note(point=None), 400, "needs a point"),
         (add_note(point=[1, "x"]), 400, "point: a number"),
         (add_note(point=[1]), 400, "expected [x, y]"),

@@ -65,7 +65,7 @@ def command(
             min=1,
             max=MOST_WORKERS,
             show_default="one per core",
-            help="Number of processes, each of which maps one recording at a time.",
+            help="Number of processes: each maps one recording at a time.",
         ),
     ] = None,
     address: Address = None,

@@ -69,14 +69,14 @@ def command(
     ] = None,
     errors: Annotated[str, typer.Option(metavar=ERRORS, help=WHAT_ERRS)] = "robot",
     sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
-    detector: Annotated[
-        str,
+    network: Annotated[
+        bool,
         typer.Option(
-            metavar="noisy|network",
-            help="Detections: noisy knows where things are, and errs; network is that of "
-            "`hypermap demo`, which sees only the images. Things then have its class names.",
+            "--network",
+            help="Detect with the network of `hypermap demo`, which sees only the images, and has "
+            "class names of its own, and not with errors added to the truth.",
         ),
-    ] = "noisy",
+    ] = False,
     rate: Annotated[float, typer.Option(min=0.1, max=30, help="Frames per second.")] = 2.0,
     jobs: Annotated[
         int, typer.Option(min=0, max=256, help="Number of parallel drives; 0: one per core.")
@@ -113,13 +113,11 @@ def command(
 
     if name not in ("thesis", "days"):
         raise HypermapError(f"there is no experiment {name!r}; known: thesis, days")
-    if detector not in ("noisy", "network"):
-        raise HypermapError(f"there is no detector {detector!r}; known: noisy, network")
-    if detector == "network" and name == "days":
-        raise HypermapError("--detector network: only the experiment `thesis` has it")
+    if network and name == "days":
+        raise HypermapError("--network: only the experiment `thesis` has it")
     words = worlds_named(worlds)
     described = [world_of(word) for word in words]
-    if detector == "network":
+    if network:
         described = [named_for_network(world) for world in described]
     _check_names([world.name for world in described], words)
     chosen, methods = errors_of(errors, sensor), chosen_methods(wanted)
@@ -136,13 +134,13 @@ def command(
     for file in (output, figures):
         check_output(file, replace)
     planned = [
-        SimulatedDrive(varied(world, seed), seed, chosen, rate, detector == "network")
+        SimulatedDrive(varied(world, seed), seed, chosen, rate, network)
         for world in described
         for seed in range(first, first + seeds)
     ]
     results = _results(_map(planned, methods, jobs), described)
     data = to_data(results)
-    data["command"] = _repeating(worlds, seeds, first, errors, sensor, wanted, rate, detector)
+    data["command"] = _repeating(worlds, seeds, first, errors, sensor, wanted, rate, network)
     data["made_with"] = made_with(chosen, methods)
     write_report(results, data, output, data["command"])
     figures.write_text(json.dumps(data, indent=1), encoding="utf-8")
@@ -185,14 +183,14 @@ def _repeating(
     sensor: str,
     wanted: str,
     rate: float,
-    detector: str,
+    network: bool,
 ) -> str:
     """Return the command that repeats an experiment."""
     options = f"--worlds {worlds} --seeds {seeds} --first-seed {first} --errors {errors}"
     if sensor != "kinect_v1":
         options += f" --sensor {sensor}"
-    if detector != "noisy":
-        options += f" --detector {detector}"
+    if network:
+        options += " --network"
     if wanted != "all":
         options += f" --methods {wanted}"
     return f"hypermap experiment thesis {options} --rate {rate:g}"

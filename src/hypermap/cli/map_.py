@@ -120,7 +120,7 @@ def command(
             "--embedder",
             metavar="FOLDER",
             show_default=False,
-            help="Encoders of images and texts, to find objects by their appearance; "
+            help="Encoders of images and texts: find objects by their appearance; "
             "see docs/embeddings.md.",
         ),
     ] = None,
@@ -146,7 +146,7 @@ def command(
             min=1,
             max=MOST_WORKERS,
             show_default="1; with --address one per core there",
-            help="Number of worker processes for perception; the map is the same.",
+            help="Number of processes: they do perception; the map is the same.",
         ),
     ] = None,
     address: Address = None,
