@@ -330,7 +330,7 @@ def test_messages_that_are_wrong_are_ignored_with_one_line_in_the_log(serve):
     assert log.output.count("/map: layer 'occupancy'") == 2
     assert log.output.count("/semantic_map: layer 'semantic'") == 1
     maps.publish(broken)
-    log.expect("the map of 8 x 1 cells holds 2 numbers")
+    log.expect("the map of 8 x 1 cells has 2 numbers")
     assert client.string("occupancy", 2.5, 0.5) == "Free"
     maps.unregister()
     objects.unregister()

@@ -157,7 +157,7 @@ def test_a_wrong_window_is_refused(
 def test_a_window_with_too_few_cells_is_refused(types: Any) -> None:
     message = grid_update(types, 0, 0, 2, [0, 0])
     message.height = 2
-    with pytest.raises(FormatError, match="2 x 2 cells holds 2 numbers"):
+    with pytest.raises(FormatError, match="2 x 2 cells has 2 numbers"):
         with_grid_update(occupancy_from_text("..\n.."), message)
 
 
