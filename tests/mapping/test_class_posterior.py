@@ -68,3 +68,9 @@ def test_a_map_gives_one_object_for_a_thing_that_is_called_two_names_in_turns() 
         pose = np.eye(4)
         evidence.update(Observation(float(stamp), pose, tuple(seen), shapely.Point(0, 0).buffer(9)))
     assert names(evidence.objects()) == ["chair", "chair"]
+
+
+def test_an_object_drawn_over_others_has_no_heights_and_stays() -> None:
+    zone = SemanticObject("zone", shapely.box(-1, -1, 2, 2), id=7)
+    objects = [zone, thing(0, "bench", 0.05, 12), thing(1, "chair", 0.0, 10)]
+    assert names(one_class_per_place(objects, 0.4, {7})) == ["zone", "bench"]

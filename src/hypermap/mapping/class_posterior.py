@@ -42,11 +42,9 @@ def one_class_per_place(
         min_iou: of two footprints at the same height, from which on they are one place.
         fixed: ids of objects that stay as they are, as people have said what they are.
     """
-    pairs = [
-        (i, j)
-        for i, j in _sharing_places(objects, min_iou)
-        if objects[i].id not in fixed and objects[j].id not in fixed
-    ]
+    places = [n for n, item in enumerate(objects) if item.id not in fixed]
+    free = [objects[n] for n in places]  # those drawn by hand have no heights, either
+    pairs = [(places[i], places[j]) for i, j in _sharing_places(free, min_iou)]
     if not pairs:
         return list(objects)
     doubtful = {place for pair in pairs for place in pair}
