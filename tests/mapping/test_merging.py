@@ -201,6 +201,12 @@ def test_a_merged_map_can_be_continued_saved_and_merged(tmp_path: Path) -> None:
     assert len(fourth.hypermap.metadata["drives"]) == 3
 
 
+def test_poses_of_one_map_may_be_corrected_and_those_of_the_other_not() -> None:
+    other = mapped(frames("table"), later=DAY, alignment={"enabled": False})
+    merged = merge_maps(first_day(), other, Pose2D()).hypermap
+    assert merged.metadata["config"]["alignment"]["enabled"]
+
+
 def test_the_best_pictures_of_both_days_are_kept() -> None:
     first, second = first_day(), second_day(*ALL)
     merged = merge_maps(first, second, OTHER_FRAME).hypermap

@@ -89,9 +89,9 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
         CannotMerge: If the configurations differ, or both contain the same frames.
         FrameError: If the frames of the two cannot be in one tree.
     """
-    config = config_to_go_on_with(first)
-    theirs = replace(config_to_go_on_with(second), pictures=config.pictures)
-    _check_same(config, theirs)
+    config, theirs = config_to_go_on_with(first), config_to_go_on_with(second)
+    alignment = replace(theirs.alignment, enabled=config.alignment.enabled)
+    _check_same(config, replace(theirs, pictures=config.pictures, alignment=alignment))
     a, b = state_of(first, config), state_of(second, config)
     _check_drives(a.drives, b.drives)
     grids = _grid_of(first), _grid_of(second)
