@@ -142,7 +142,7 @@ def with_grid_update(layer: OccupancyLayer, message: Any) -> OccupancyLayer:
         )
     cells = np.asarray(message.data, dtype=np.int8)
     if len(cells) != width * height:
-        raise FormatError(f"the update of {width} x {height} cells holds {len(cells)} numbers")
+        raise FormatError(f"the update of {width} x {height} cells has {len(cells)} numbers")
     if len(cells) and not (cells.min() >= UNKNOWN and cells.max() <= OCCUPIED):
         raise FormatError(
             f"the update's cells must be -1 to 100, found {cells.min()} to {cells.max()}"
