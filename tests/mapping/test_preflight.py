@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hypermap.core.trajectory import compose, pose_from_rpy, trajectory_of
+from hypermap.mapping.consistency import Consistency
 from hypermap.mapping.preflight import Finding, Preflight, clock_offset, leveling_pose
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.turning import turned
@@ -103,6 +104,16 @@ def test_depth_in_another_unit_is_reported(factor: float) -> None:
     ]
     measured = wrong(frames)["scale"].measured
     assert float(measured.split()[-1]) == pytest.approx(1 / factor, rel=0.1)
+
+
+def test_poses_that_drift_do_not_look_like_another_unit_of_depth() -> None:
+    drift = [pose_from_rpy(0.01 * i, 0, 0, 0, 0, 0.03 * i) for i in range(len(room()))]
+    consistency = Consistency()
+    for frame, pose in zip(room(), drift, strict=True):
+        consistency.add(frame.moved_to(compose(pose, frame.map_T_camera)))
+    fit = consistency.depth_scale()
+    assert fit is not None
+    assert not fit.is_sure
 
 
 @pytest.mark.parametrize("pixels", [-5, 4])

@@ -144,6 +144,9 @@ class Consistency:
             _SCALES,
             lambda best: best * _FINE_SCALES,
             as_recorded=1.0,
+            # With much larger depth, motions between images count for nothing. Where poses drift,
+            # that alone makes images agree better, and says nothing of the unit of depth.
+            others=(float(_SCALES[-1]),),
         )
 
     def gain_of(self, others: Mapping[float, NDArray[np.float64]]) -> float | None:
@@ -324,6 +327,7 @@ def _best(
     values: NDArray[np.float64],
     finer: Callable[[float], NDArray[np.float64]],
     as_recorded: float,
+    others: tuple[float, ...] = (),
 ) -> Fit | None:
     """Return the value at which the pairs differ least.
 
@@ -334,6 +338,7 @@ def _best(
         values: those that are tried.
         finer: those to be tried about the best of them.
         as_recorded: what stands for the recording as it is.
+        others: values than which the best has to be clearly better, too.
     """
     costs = np.array([costs_at(value) for value in values])
     agree = costs.min(axis=0) < _WORST
@@ -348,6 +353,7 @@ def _best(
     best = int(np.argmin(means))
     if means[best] > _WORST:
         return None
-    gain = costs_at(as_recorded)[agree] - fine[best]
-    error = float(gain.std(ddof=1)) / math.sqrt(len(gain))
-    return Fit(float(near[best]), bool(gain.mean() > _SURE * error))
+    gains = [costs_at(value)[agree] - fine[best] for value in (as_recorded, *others)]
+    errors = [float(gain.std(ddof=1)) / math.sqrt(len(gain)) for gain in gains]
+    is_sure = all(gain.mean() > _SURE * error for gain, error in zip(gains, errors, strict=True))
+    return Fit(float(near[best]), is_sure)
