@@ -182,6 +182,7 @@ def test_the_work_of_a_node_that_dies_is_done_by_another(
     ("address", "reason"),
     [
         ("127.0.0.1:1", "nobody answers there"),
+        ("no..name:1", "nobody answers there"),
         ("nowhere", "expected HOST:PORT"),
         ("host:99999", "expected HOST:PORT"),
     ],

@@ -207,7 +207,7 @@ def _check_reachable(address: str) -> None:
         )
     try:
         socket.create_connection((host.strip("[]"), int(port)), _CONNECT).close()
-    except OSError as error:
+    except (OSError, UnicodeError) as error:  # the latter for what cannot be a name
         raise HypermapError(f"cluster {address}: nobody answers there: {error}") from None
 
 
