@@ -25,7 +25,7 @@ from hypermap.evaluation.metrics import evaluate
 from hypermap.experiments.sets import first_seed_of
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
-from hypermap.mapping.pose_graph import CorrectedRecording, correct_poses
+from hypermap.mapping.pose_graph import correct_poses
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.recording import OnBadFrame
@@ -90,7 +90,9 @@ def row_of(world: str, seed: int, exact: list[RgbdFrame], noise: PoseNoise, rate
     began = time.process_time()
     corrected = correct_poses(Frames(given))  # type: ignore[arg-type]
     took = time.process_time() - began
-    moved = list(CorrectedRecording(Frames(given), corrected.poses).frames())  # type: ignore[arg-type]
+    moved = [
+        frame.moved_to(corrected.poses.get(frame.stamp, frame.map_T_camera)) for frame in given
+    ]
     truth = true_objects(described).objects()
     scores = [scored(frames, truth) for frames in (exact, given, moved)]
     true, before, after = (places(frames) for frames in (exact, given, moved))
