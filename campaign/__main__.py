@@ -12,6 +12,7 @@ import random
 import signal
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from campaign import report
@@ -45,14 +46,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # some shells switch Ctrl-C off
     seed = random.randrange(2**31) if options.seed is None else options.seed
     minutes = options.minutes or (SHORT_MINUTES if options.short else MINUTES)
-    seconds = 60 * minutes / sum(PARTS[name] for name in names)
+    budget = Budget(60 * minutes, seed, options.short, options.folder.absolute())
     rows = []
     try:
-        for name in names:
+        for number, name in enumerate(names):
             print(f"{name}, with seed {seed}", flush=True)
-            folder = options.folder.absolute() / name
+            share = budget.share(sum(PARTS[other] for other in names[number:]) / PARTS[name])
+            folder = budget.folder / name
             folder.mkdir(parents=True, exist_ok=True)
-            rows.append(row_of(name, Budget(PARTS[name] * seconds, seed, options.short, folder)))
+            rows.append(row_of(name, replace(share, folder=folder)))
             for lines in (report.figures(rows[-1].result), report.findings(rows[-1].result)):
                 if lines:
                     print(lines, flush=True)

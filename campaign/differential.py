@@ -47,9 +47,8 @@ def run(budget: Budget) -> Result:
     findings: list[Finding] = []
     asked = worlds = changes = 0
     slowest = 0.0
-    ends = time.monotonic() + budget.seconds
     seed = budget.seed
-    while worlds < SHORT_WORLDS if budget.short else time.monotonic() < ends:
+    while worlds < SHORT_WORLDS if budget.short else not budget.is_over:
         started = time.monotonic()
         world = World(seed)
         try:

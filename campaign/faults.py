@@ -66,6 +66,11 @@ class Outcome:
     signal: int = 0
     operations: int = 0
 
+    @property
+    def hangs(self) -> bool:
+        """Whether it had to be ended because it did not end."""
+        return self.signal == signal.SIGABRT
+
 
 def in_a_process(work: Callable[[], Any], prepare: Callable[[], Any] = lambda: None) -> Outcome:
     """Do something in a process that is forked for it; `prepare` comes first, and must succeed."""

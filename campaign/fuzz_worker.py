@@ -4,7 +4,7 @@
 
 SECONDS count from its start, but it asks at least once after it has warmed up. It keeps what it
 finds in FOLDER, and says on standard output in one line of JSON what it did. What it is asking at
-the moment lies in FOLDER/now, should it hang or die.
+the moment lies in FOLDER/now, should it hang or die; FOLDER/ready is there once it has warmed up.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from campaign.own_process import peak_bytes
 MOST_SECONDS = 2.0  # of an answer, in time of the processor
 MOST_BYTES = 1_000_000_000  # of memory, for the whole process
 FRESH = 0.4  # the share of inputs that begin with an example, whatever was found since
+READY = "ready"  # a file of this name says that a process has warmed up
 SPOILED = 0.6  # of the others, the share that we spoil by their kind; libFuzzer does the rest
 _SOURCES = Path(__file__).resolve().parent.parent / "src"
 
@@ -44,12 +45,13 @@ class Tries:
         runs: how often it asked.
         refused: how often the answer was a HypermapError.
         slowest: the longest answer [s], of the processor's time.
+        prepared: how long it took until all was ready to be asked [s].
         findings: in words, with the file that shows each.
     """
 
     def __init__(self, ask: Callable[[bytes], object], folder: Path) -> None:
         self.runs = self.refused = 0
-        self.slowest = 0.0
+        self.slowest = self.prepared = 0.0
         self.findings: dict[str, str] = {}
         self._ask = ask
         self._folder = folder
@@ -90,6 +92,7 @@ class Tries:
             for data in corpus:
                 self(data)
         self._is_warm = True
+        (self._folder / READY).touch()
 
     def close(self) -> None:
         """Ask no more."""
@@ -118,11 +121,10 @@ def described(error: BaseException) -> str:
 def main() -> None:
     """Fuzz a target until the time is over, and say what was found."""
     name, seconds, seed, folder, *runs = sys.argv[1:]
-    ends = time.monotonic() + float(seconds)
+    started = time.monotonic()
+    ends = started + float(seconds)
     warnings.simplefilter("ignore")
     said = os.dup(1)  # libFuzzer and what it calls write on the others
-    with contextlib.suppress(OSError):
-        os.nice(5)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(1, 2)
     guide = _atheris() if not runs else None
@@ -137,6 +139,7 @@ def main() -> None:
             target = target_of(name, Path(scratch))
             tries = Tries(target.ask, kept)
             tries.warm_up(target.corpus)  # which imports what the program imports when it needs it
+            tries.prepared = time.monotonic() - started
         arguments = tries, target, ends, int(seed)
         if guide is not None:
             _guided(guide, *arguments, kept, partial(_end, said, target, name, tries, scratch))
@@ -153,6 +156,7 @@ def _say(handle: int, name: str, tries: Tries, way: str) -> None:
         "runs": tries.runs,
         "refused": tries.refused,
         "slowest": tries.slowest,
+        "prepared": tries.prepared,
         "peak": peak_bytes(),
         "findings": [json.loads(found) for found in tries.findings.values()],
     }

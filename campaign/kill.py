@@ -13,6 +13,7 @@ import re
 import signal
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -91,7 +92,7 @@ class Trial:
         is_done = not outcome.signal and not outcome.error
         if outcome.error and not outcome.is_ours:
             return f"raised {outcome.error}"
-        if outcome.signal == signal.SIGABRT:
+        if outcome.hangs:
             return "hangs"
         found = in_a_process(partial(self.way.read, self.folder))
         # What others have removed is gone: both what was there, and parts of what was to come.
@@ -131,8 +132,9 @@ class _Campaign:
     def __init__(self, budget: Budget) -> None:
         self._budget = budget
         self._draw = random.Random(budget.seed)
-        self._ends = self._next = time.monotonic() + budget.seconds
+        self._next = budget
         self._runs = self._ways = 0
+        self._left_out: Counter[str] = Counter()
         self._slowest = (0.0, "")
         self._found: dict[str, Finding] = {}
         self._figures: dict[str, float | str] = {}
@@ -149,15 +151,7 @@ class _Campaign:
         if not self._budget.short:
             made = in_a_process(partial(write_full_sources, root / "sources"))
             assert not made.error, made
-        trials = []
-        for number, way in enumerate(ways()):
-            if self._budget.short and way.name not in _SHORT:
-                continue
-            place = root / f"way-{number}"
-            place.mkdir()
-            (place / "sources").symlink_to(root / "sources")
-            trials.append(Trial(way, place))
-        trials = [trial for trial in trials if self._is_ready(trial)]
+        trials = list(self._prepared(root))
         self._ways = max(1, len(trials))
         operations = sum(trial.operations for trial in trials)
         self._figures["ways to save"] = len(trials)
@@ -174,15 +168,32 @@ class _Campaign:
             ("killed at a random time", self._at_random_times),
         ]
         for done, (kind, work) in enumerate(kinds):
-            before, left = self._runs, self._ends - time.monotonic()
-            kind_ends = time.monotonic() + left / (len(kinds) - done)
+            before, of_kind = self._runs, self._budget.share(len(kinds) - done)
             for number, trial in enumerate(trials):
-                share = (kind_ends - time.monotonic()) / (len(trials) - number)
-                self._next = time.monotonic() + share
+                if self._budget.is_over:
+                    self._left_out[kind] += 1
+                    continue
+                self._next = of_kind.share(len(trials) - number)
                 work(trial)
             self._figures[kind] = self._runs - before
         self._figures["slowest"] = f"{self._slowest[0]:.2f} s ({self._slowest[1]})"
-        return Result("kill", self._runs, list(self._found.values()), self._figures)
+        left_out = [f"{count} ways {what}" for what, count in self._left_out.items()]
+        return Result("kill", self._runs, list(self._found.values()), self._figures, left_out)
+
+    def _prepared(self, root: Path) -> Iterator[Trial]:
+        """Yield the trials that are ready, in any order, until half of the time is over."""
+        chosen = [way for way in ways() if not self._budget.short or way.name in _SHORT]
+        half = self._budget.share(2)
+        for number, way in enumerate(self._draw.sample(chosen, len(chosen))):
+            if half.is_over:
+                self._left_out["that were not prepared"] += 1
+                continue
+            place = root / f"way-{number}"
+            place.mkdir()
+            (place / "sources").symlink_to(root / "sources")
+            trial = Trial(way, place)
+            if self._is_ready(trial):
+                yield trial
 
     def _is_ready(self, trial: Trial) -> bool:
         """Prepare a trial; that a way cannot even save in peace is a finding, and others go on."""
@@ -193,18 +204,13 @@ class _Campaign:
             return False
         return True
 
-    @property
-    def _is_late(self) -> bool:
-        """Whether the time is over, so that each kind of fault is tried once only."""
-        return not self._budget.short and time.monotonic() > self._ends
-
     def _steps(self, count: int) -> Iterator[int]:
         """Yield the operations to fail at, in any order; where time is short, fewer of them."""
         if self._budget.short:
             yield from range(self._draw.randrange(_SHORT_STEP), count, _SHORT_STEP)
             return
         for done, number in enumerate(self._draw.sample(range(count), count)):
-            if time.monotonic() > self._next and done >= (1 if self._is_late else _FEWEST):
+            if self._budget.is_over or (self._next.is_over and done >= _FEWEST):
                 return
             yield number
 
@@ -239,7 +245,7 @@ class _Campaign:
             trial.again()
             what = f"{'killed' if kills else 'disk full'} at {size} bytes of a file"
             self._try(trial, what, partial(full_disk, size, kills=kills))
-            if self._is_late:
+            if self._budget.is_over:
                 return
 
     def _read_only(self, trial: Trial) -> None:
@@ -294,7 +300,7 @@ class _Campaign:
             patience = self._draw.uniform(0.0, 1.2 * usual)
             what = "killed at a random time"
             self._try(trial, what, partial(die_after, patience))
-            if self._is_late:
+            if self._budget.is_over:
                 return
 
 

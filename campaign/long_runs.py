@@ -17,6 +17,7 @@ import numpy as np
 
 from campaign.part import Budget, Finding, Result, merged
 from campaign.robot import DEPTH, DETECTIONS, Robot
+from hypermap.core.arrays import FloatArray
 from hypermap.formats import open_map
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
@@ -31,7 +32,8 @@ FRAMES = 100_000  # the most that a mapper gets
 GROWTH = 1.0  # MB that 10,000 frames may add, once warm
 SLOWER = 1.5  # times: the last quarter of the frames beside the second
 DAY = 86_400  # s
-_ENOUGH = 20_000  # frames, from which on growth is distinguishable from noise
+_SETTLES = 5.0  # MB, within which memory may still settle
+_FEWEST = 1000  # frames, from which on growth is distinguishable from noise
 _EVENTS = ("restart", "jump", "without detections", "without depth", "other clock")
 _EVERY = 7  # frames, of which the last meets an event
 _YEARS = 4 * 10**17  # ns
@@ -41,9 +43,8 @@ _PATIENCE = 120.0  # s for one frame of the live node
 def run(budget: Budget) -> Result:
     """Run each for its share of the time."""
     frames = _drive(budget.seed, rate=0.5 if budget.short else 2.0)
-    share = dataclasses.replace(budget, seconds=budget.seconds / 3)
-    runs = [_map(name, frames, share) for name in ("default", "thesis")]
-    return merged("long_runs", [*runs, _live(frames, share)])
+    runs = [_map(name, frames, budget.share(3 - i)) for i, name in enumerate(("default", "thesis"))]
+    return merged("long_runs", [*runs, _live(frames, budget)])
 
 
 def _drive(seed: int, rate: float) -> list[RgbdFrame]:
@@ -73,7 +74,8 @@ class _Gauge:
         self.count, self.gone = 0, 0.0
         self._frames = frames
         self._most = 2 * len(frames) if budget.short else FRAMES
-        self._seconds = np.inf if budget.short else budget.seconds
+        self._is_short = budget.short
+        self._seconds = max(budget.left, 1.0)
         # Whole from the beginning, so that what is written down does not grow.
         self._ends, self._memory = np.full((2, self._most), np.nan)
 
@@ -91,24 +93,49 @@ class _Gauge:
 
     def result(self, name: str, findings: list[str], seed: int, **figures: float | str) -> Result:
         """Return what a run has found, and how level time and memory were."""
-        quarter = self.count // 4
-        steps = np.diff(self._ends[: self.count])
-        early, late = (np.median(steps[k * quarter :][: quarter - 1]) for k in (1, 3))
-        warm = np.arange(quarter, self.count)
-        growth = float(1e4 * np.polyfit(warm, self._memory[warm], 1)[0])
-        if self.count >= _ENOUGH and growth > GROWTH:
-            findings.append(f"{growth:.1f} MB more with each 10,000 frames")
-        if self.count >= _ENOUGH and late > SLOWER * early:
-            findings.append(f"{late / early:.1f} times slower at the end")
-        figures = {
-            "frames": self.count,
-            **figures,
-            "ms of the processor a frame, early and late": f"{1e3 * early:.1f}, {1e3 * late:.1f}",
-            "MB per 10,000 frames": round(growth, 2),
-        }
+        figures = {"frames": self.count, **figures}
+        left_out = []
+        if self.count >= _FEWEST:
+            ends, memory = self._ends[: self.count], self._memory[: self.count]
+            findings += uneven(ends, memory)
+            early, late = _pace(ends)
+            figures["ms of the processor a frame, early and late"] = f"{early:.1f}, {late:.1f}"
+            figures["MB per 10,000 frames"] = round(1e4 * _growth(memory), 2)
+        elif not self._is_short:
+            left_out = [f"{name}: memory and speed, which {_FEWEST} frames show"]
         found = [Finding(f"{name}: {what}", seed) for what in findings]
         reported = {f"{name}: {what}": figure for what, figure in figures.items()}
-        return Result(name, self.count, found, reported)
+        return Result(name, self.count, found, reported, left_out)
+
+
+def uneven(ends: FloatArray, memory: FloatArray) -> list[str]:
+    """Return in words what grows from frame to frame, once all is warm.
+
+    Args:
+        ends: time of the processor after each frame [s], shape (N,).
+        memory: what was held then [MB], shape (N,).
+    """
+    found = []
+    growth, warm = _growth(memory), len(memory) - len(memory) // 4
+    if growth * warm > _SETTLES + GROWTH * warm / 1e4:
+        found.append(f"{growth * warm:.1f} MB more after {warm} frames, once warm")
+    early, late = _pace(ends)
+    if late > SLOWER * early:
+        found.append(f"{late / early:.1f} times slower at the end")
+    return found
+
+
+def _growth(memory: FloatArray) -> float:
+    """Return what each frame adds after the first quarter [MB]."""
+    warm = np.arange(len(memory) // 4, len(memory))
+    return float(np.polyfit(warm, memory[warm], 1)[0])
+
+
+def _pace(ends: FloatArray) -> tuple[float, float]:
+    """Return what a frame takes in the second quarter and in the last [ms]."""
+    quarter, steps = len(ends) // 4, 1e3 * np.diff(ends)
+    early, late = (float(np.median(steps[k * quarter :][: quarter - 1])) for k in (1, 3))
+    return early, late
 
 
 def _memory() -> float:

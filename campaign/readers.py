@@ -6,7 +6,6 @@ writer moves an object back and forth: nobody may see it twice or never.
 
 from __future__ import annotations
 
-import dataclasses
 import http.client
 import json
 import os
@@ -44,8 +43,8 @@ Reader = Callable[[], Iterator[int]]
 
 def run(budget: Budget) -> Result:
     """Ask each for its share of the time."""
-    share = dataclasses.replace(budget, seconds=budget.seconds / 3)
-    return merged("readers", [ask(share) for ask in (ask_layer, ask_server, ask_ros1)])
+    kinds = (ask_layer, ask_server, ask_ros1)
+    return merged("readers", [ask(budget.share(3 - i)) for i, ask in enumerate(kinds)])
 
 
 def a_map_of_one_cup() -> Hypermap:
@@ -74,9 +73,9 @@ def watch(
     threads = [threading.Thread(target=ask, args=pair) for pair in enumerate(readers)]
     for thread in threads:
         thread.start()
-    moves, end = 0, time.monotonic() + budget.seconds
+    moves = 0
     try:
-        while (moves < MOVES or not all(counts)) if budget.short else time.monotonic() < end:
+        while (moves < MOVES or not all(counts)) if budget.short else not budget.is_over:
             if odd:
                 break
             move(THERE if moves % 2 == 0 else HERE)

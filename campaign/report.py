@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from campaign.part import Result
 
-HEADINGS = ("part", "runs", "findings", "seconds", "slowest", "peak MB")
+HEADINGS = ("part", "runs", "findings", "left out", "seconds", "slowest", "peak MB")
 SLOWEST = "slowest"  # the figure that has a column
 
 
@@ -30,16 +30,17 @@ def table(rows: Sequence[Row]) -> str:
     """Return the table of all parts, as Markdown.
 
     >>> print(table([Row(Result("kill", 305, [], {"slowest": "0.1 s"}), 12.3, 98.7)]))
-    | part | runs | findings | seconds | slowest | peak MB |
-    | --- | ---: | ---: | ---: | --- | ---: |
-    | kill | 305 | 0 | 12 | 0.1 s | 99 |
+    | part | runs | findings | left out | seconds | slowest | peak MB |
+    | --- | ---: | ---: | ---: | ---: | --- | ---: |
+    | kill | 305 | 0 | 0 | 12 | 0.1 s | 99 |
     """
-    lines = [_line(HEADINGS), "| --- | ---: | ---: | ---: | --- | ---: |"]
+    lines = [_line(HEADINGS), "| --- | ---: | ---: | ---: | ---: | --- | ---: |"]
     for row in rows:
         result = row.result
         slowest = result.figures.get(SLOWEST, "")
-        counts = f"{result.runs:,}", str(len(result.findings)), f"{row.seconds:.0f}"
-        lines.append(_line((result.name, *counts, str(slowest), f"{row.peak_mb:.0f}")))
+        counts = f"{result.runs:,}", str(len(result.findings)), str(len(result.left_out))
+        took = f"{row.seconds:.0f}", str(slowest), f"{row.peak_mb:.0f}"
+        lines.append(_line((result.name, *counts, *took)))
     return "\n".join(lines)
 
 
@@ -50,11 +51,12 @@ def figures(result: Result) -> str:
 
 
 def findings(result: Result) -> str:
-    """Return what fell, one finding per line, with how to see it again."""
+    """Return what fell, one finding per line, with how to see it again; and what was left out."""
     lines = []
     for finding in result.findings:
         file = f", {finding.file}" if finding.file is not None else ""
         lines.append(f"  FOUND {finding.what} (seed {finding.seed}{file})")
+    lines += [f"  LEFT OUT for lack of time: {what}" for what in result.left_out]
     return "\n".join(lines)
 
 

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from hypermap.fleet.store.observed import Observed
     from hypermap.testing.postgres import PrivateServer
 
-FEWEST = 3  # pushes for each way to be cut off, however short the time is
 _SHORT_STEP = 9  # of the operations, in the short form, one in so many
 _SITE = "office"
 
@@ -46,8 +45,7 @@ def run(budget: Budget) -> Result:
     """Try both, as far as what they need is installed."""
     if importlib.util.find_spec("psycopg") is None:
         return Result("store", 0, figures={"left out": "psycopg is missing"})
-    ends = time.monotonic() + budget.seconds
-    return merged("store", [_spools(budget, ends), _pushes(budget, ends)])
+    return merged("store", [_spools(budget.share(2)), _pushes(budget)])
 
 
 # The spool
@@ -90,8 +88,8 @@ def spool_problem(folder: Path, at: int | None, fault: DiskFault = "once") -> tu
     assert not outcome.error, outcome
     told = folder / "told"
     outcome = in_a_process(partial(_use, folder / "spool", told), partial(FailingDisk, at, fault))
-    if outcome.error:
-        return f"raised {outcome.error}", outcome.operations
+    if outcome.error or outcome.hangs:
+        return outcome.error or "hangs", outcome.operations
     heard = _read_told(told, [str(each.id) for each in before])
     if heard.problem:
         return heard.problem, outcome.operations
@@ -193,7 +191,7 @@ def _drain(path: Path) -> list[str]:
     return found
 
 
-def _spools(budget: Budget, ends: float) -> Result:
+def _spools(budget: Budget) -> Result:
     """Let the disk fail at each operation, in any order; where time is short, at fewer of them."""
     if not is_reachable():
         return Result("store", 0, figures={"spool": "left out: Python's SQLite is built in"})
@@ -205,9 +203,8 @@ def _spools(budget: Budget, ends: float) -> Result:
         assert not problem, problem
         cases = [(at, fault) for at in range(count) for fault in get_args(DiskFault)]
         random.Random(budget.seed).shuffle(cases)
-        half = (time.monotonic() + ends) / 2
         for at, fault in cases[::_SHORT_STEP] if budget.short else cases:
-            if not budget.short and time.monotonic() > half:
+            if budget.is_over:
                 break
             problem, _ = spool_problem(Path(work) / "spool", at, fault)
             runs += 1
@@ -215,7 +212,9 @@ def _spools(budget: Budget, ends: float) -> Result:
                 text = f"spool, disk fails {fault} at operation {at} of {count}: {problem}"
                 findings.setdefault(f"{fault} {problem}", Finding(text, budget.seed))
     figures: dict[str, float | str] = {"operations below the spool": count, "faults there": runs}
-    return Result("store", runs, list(findings.values()), figures)
+    missed = 0 if budget.short else len(cases) - runs
+    left_out = [f"{missed} of {len(cases)} faults below the spool"] if missed else []
+    return Result("store", runs, list(findings.values()), figures, left_out)
 
 
 def import_ahead() -> None:
@@ -229,7 +228,7 @@ def import_ahead() -> None:
 _CUTS = ("client killed", "connection cut", "power lost")
 
 
-def _pushes(budget: Budget, ends: float) -> Result:
+def _pushes(budget: Budget) -> Result:
     from hypermap.testing.postgres import private_server, why_no_server
 
     if (reason := why_no_server()) is not None:
@@ -242,10 +241,7 @@ def _pushes(budget: Budget, ends: float) -> Result:
         tempfile.TemporaryDirectory(prefix="hypermap-push-") as work,
     ):
         pushed = PushedMap(server, Path(work))
-        least = len(_CUTS) * (1 if budget.short else FEWEST)
-        while (done := sum(counts.values())) < least or (
-            not budget.short and time.monotonic() < ends
-        ):
+        while (done := sum(counts.values())) < len(_CUTS) if budget.short else not budget.is_over:
             cut = _CUTS[done % len(_CUTS)]
             problem = pushed.problem_after(cut, draw.uniform(0.0, 1.1))
             counts[cut] += 1
@@ -254,7 +250,8 @@ def _pushes(budget: Budget, ends: float) -> Result:
                 findings.setdefault(text, Finding(text, budget.seed))
         figures: dict[str, float | str] = {f"pushes, {cut}": counts[cut] for cut in _CUTS}
         figures["pushes that were done all the same"] = pushed.done
-    return Result("store", sum(counts.values()), list(findings.values()), figures)
+    left_out = [f"pushes, {cut}" for cut in _CUTS if not counts[cut]]
+    return Result("store", sum(counts.values()), list(findings.values()), figures, left_out)
 
 
 class PushedMap:
@@ -310,8 +307,8 @@ class PushedMap:
         outcome = in_a_process(partial(self._push, after), partial(_die_after, killed_after))
         if cut != "client killed":
             thread.join()
-        if outcome.error and not outcome.is_ours:
-            return f"raised {outcome.error}"
+        if outcome.hangs or (outcome.error and not outcome.is_ours):
+            return outcome.error or "hangs"
         found = self._pulled()
         if found not in self._expected:
             return "the site holds neither the old nor the new"

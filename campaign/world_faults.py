@@ -8,7 +8,7 @@ the maps must be as good, to within `TOLERANCE`.
 from __future__ import annotations
 
 import shutil
-import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,35 +32,51 @@ _SHORT = 6  # faults, and mixtures of faults
 
 def run(budget: Budget) -> Result:
     """Try all faults, mixtures of them, and drives with bad frames."""
-    began = time.monotonic()
     rng = np.random.default_rng(budget.seed)
     good = budget.folder / "good"
     shutil.rmtree(good, ignore_errors=True)
     write_good_recording(good)
-    found = _Tried(good, budget)
-    sensors = list(rng.choice(len(SENSORS), _SHORT, replace=False)) if budget.short else None
-    for i in range(len(SENSORS)) if sensors is None else sensors:
-        found.try_faults([int(i)])
-    mixtures = 0
-    while mixtures < _SHORT or (
-        not budget.short and time.monotonic() - began < 0.4 * budget.seconds
-    ):
+    found, of_faults = _Tried(good, budget), budget.share(2)
+    order = rng.permutation(len(SENSORS)).tolist()
+    for number in order[:_SHORT] if budget.short else order:
+        if of_faults.is_over:
+            break
+        found.try_faults([number])
+    faults = found.runs
+    while found.runs < faults + _SHORT if budget.short else not of_faults.is_over:
         found.try_faults(rng.choice(len(SENSORS), int(rng.integers(2, 5))).tolist())
-        mixtures += 1
     shutil.rmtree(good)
-    figures: dict[str, float | str] = {"faults": found.runs - mixtures, "mixtures": mixtures}
+    figures: dict[str, float | str] = {"faults": faults, "mixtures": found.runs - faults}
+    left_out = []
     if not budget.short:
-        drives: list[tuple[float, ...]] = []
-        while len(drives) < _FEWEST or time.monotonic() - began < budget.seconds:
-            drives.append(quality_lost(budget.seed + len(drives)))
-        lost = np.mean(drives, axis=0)
-        figures["drives"] = len(drives)
-        for measure, number in zip(_MEASURES, lost.tolist(), strict=True):
-            figures[f"{measure} lost"] = round(number, 4)
-            if number > TOLERANCE:
-                text = f"{BAD_FRAMES:.0%} bad frames cost {number:.3f} of {measure}"
-                found.findings.append(Finding(text, budget.seed))
-    return Result("world_faults", found.runs, found.findings, figures)
+        if missed := len(SENSORS) - faults:
+            left_out.append(f"{missed} of {len(SENSORS)} faults")
+        lost = _quality_lost_in_drives(budget)
+        figures["drives"] = len(lost)
+        if len(lost) < _FEWEST:
+            left_out.append(f"the quality under bad frames, which {_FEWEST} drives show")
+        else:
+            found.findings += _too_much(lost, budget, figures)
+    return Result("world_faults", found.runs, found.findings, figures, left_out)
+
+
+def _quality_lost_in_drives(budget: Budget) -> list[tuple[float, ...]]:
+    """Return what bad frames cost each of as many drives as there is time for."""
+    lost: list[tuple[float, ...]] = []
+    while not budget.is_over:
+        lost.append(quality_lost(budget.seed + len(lost)))
+    return lost
+
+
+def _too_much(
+    lost: list[tuple[float, ...]], budget: Budget, figures: dict[str, float | str]
+) -> Iterator[Finding]:
+    """Put down the mean of what was lost; yield what is more than the tolerance."""
+    for measure, number in zip(_MEASURES, np.mean(lost, axis=0).tolist(), strict=True):
+        figures[f"{measure} lost"] = round(number, 4)
+        if number > TOLERANCE:
+            text = f"{BAD_FRAMES:.0%} bad frames cost {number:.3f} of {measure}"
+            yield Finding(text, budget.seed)
 
 
 @dataclass
@@ -76,7 +92,6 @@ class _Tried:
 
     def try_faults(self, numbers: list[int]) -> None:
         """Spoil the recording by one or several faults, and map it; a finding keeps its files."""
-        self.runs += 1
         folder = self.budget.folder / "-".join(map(str, numbers))
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(self.good, folder)
@@ -89,6 +104,7 @@ class _Tried:
         except (OSError, ValueError, LookupError):  # what it would spoil is gone
             shutil.rmtree(folder)
             return
+        self.runs += 1
         try:
             outcome = map_of(folder, **options)
         except Exception as error:  # which none may be

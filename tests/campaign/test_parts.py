@@ -69,12 +69,57 @@ def test_the_table_has_a_row_for_each_part() -> None:
     from campaign.report import Row, findings, table
 
     found = Result("fuzz", 2, [Finding("png: slow", 7, Path("x.input"))], {"slowest": "3 s"})
-    rows = [Row(Result("kill", 1305), 1.2, 100.4), Row(found, 60.0, 99.6)]
+    late = Result("kill", 1305, left_out=["4 ways killed"])
+    rows = [Row(late, 1.2, 100.4), Row(found, 60.0, 99.6)]
     assert table(rows).splitlines()[2:] == [
-        "| kill | 1,305 | 0 | 1 |  | 100 |",
-        "| fuzz | 2 | 1 | 60 | 3 s | 100 |",
+        "| kill | 1,305 | 0 | 1 | 1 |  | 100 |",
+        "| fuzz | 2 | 1 | 0 | 60 | 3 s | 100 |",
     ]
     assert findings(found) == "  FOUND png: slow (seed 7, x.input)"
+    assert findings(late) == "  LEFT OUT for lack of time: 4 ways killed"
+
+
+# That a busy machine ends it no more
+
+
+def test_a_target_without_time_is_left_out(tmp_path: Path) -> None:
+    from campaign.fuzz import fuzz
+    from campaign.part import Budget
+
+    done = fuzz(Budget(seconds=0.0, seed=1, short=False, folder=tmp_path), ["png", "wkt"])
+    assert (done.runs, done.findings, done.left_out) == (0, [], ["png", "wkt"])
+
+
+def test_a_target_that_does_not_get_ready_in_its_time_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from campaign.part import Budget
+
+    from campaign import fuzz
+
+    monkeypatch.setattr(fuzz, "LEAST", 0.0)
+    done = fuzz.fuzz(Budget(seconds=0.05, seed=1, short=False, folder=tmp_path), ["png"])
+    assert (done.runs, done.findings, done.left_out) == (0, [], ["png"])
+
+
+def test_a_part_that_does_not_end_is_ended(tmp_path: Path) -> None:
+    from campaign.own_process import row_of
+    from campaign.part import Budget
+
+    row = row_of("kill", Budget(seconds=0.0, seed=1, short=False, folder=tmp_path), grace=0.1)
+    assert [finding.what[:8] for finding in row.result.findings] == ["it hangs"]
+    assert row.seconds < 60
+
+
+def test_what_is_left_of_the_time_is_shared(tmp_path: Path) -> None:
+    from campaign.part import Budget
+
+    whole = Budget(seconds=60.0, seed=1, short=False, folder=tmp_path)
+    part = whole.share(2)
+    assert 29 < part.left <= part.seconds <= 30
+    assert not whole.is_over
+    assert Budget(seconds=0.0, seed=1, short=False, folder=tmp_path).share(1).is_over
+    assert not budget(tmp_path).share(1e12).is_over  # the short form has no end
 
 
 # That each part would see what is wrong
