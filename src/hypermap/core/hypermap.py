@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +11,12 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray, PointsLike, as_point_xy
-from hypermap.core.errors import FrameError, HypermapError, LayerNotFound, did_you_mean
+from hypermap.core.errors import HypermapError
 from hypermap.core.found import Found, FoundObject
-from hypermap.core.frames import FrameTree, Pose2D
+from hypermap.core.frames import FrameTree
 from hypermap.core.history import History
 from hypermap.core.layer import Hits, Layer, check_count
-from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.layer_stack import LayerStack
 from hypermap.core.outside import OutsideMethods
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
@@ -25,17 +24,12 @@ from hypermap.core.store import Matches, Placed, PlacedLayer, PlacedLayers
 
 __all__ = ["Found", "FoundObject", "Hypermap", "Matches"]
 
-_log = logging.getLogger(__name__)
-
-DEFAULT_FRAME = "map"  # REP 105
 ROOMS = "rooms"
 """Name of the layer whose objects are rooms."""
 
-AnyLayer = TypeVar("AnyLayer", bound=Layer)
 
-
-class Hypermap(OutsideMethods):
-    """Ordered layers and the tree of their frames.
+class Hypermap(LayerStack, OutsideMethods):
+    """A map: ordered layers in a tree of frames, and queries across them.
 
     A query may use any frame of the map, by `frame_id`; None is the base frame. Answers are always
     in the base frame, which is the frame of the first layer.
@@ -57,14 +51,10 @@ class Hypermap(OutsideMethods):
         frames: FrameTree | None = None,
         metadata: Mapping[str, Any] | None = None,
     ) -> None:
-        self.frames = FrameTree() if frames is None else frames
+        super().__init__(layers, frames)
         self.metadata: dict[str, Any] = dict(metadata or {})
         self.mapper_state: bytes | Callable[[], bytes] | None = None
         self.history: History | None = None
-        self._layers: dict[str, Layer] = {}
-        self._warned: set[str] = set()
-        for layer in layers:
-            self.add(layer)
 
     def __copy__(self) -> Hypermap:
         return self.with_layers(self._layers.values())
@@ -84,100 +74,6 @@ class Hypermap(OutsideMethods):
     def _summary(self, layer: Layer) -> str:
         frame = "" if layer.frame_id == self.base_frame else f"in frame {layer.frame_id!r}"
         return ", ".join(filter(None, (layer.summary(), frame)))
-
-    # The layers
-
-    @property
-    def layers(self) -> list[Layer]:
-        """The layers in order; use `add` and `remove` to change them."""
-        return list(self._layers.values())
-
-    @property
-    def base_frame(self) -> str:
-        """The frame of the first layer; "map" if there is no layer."""
-        return next((layer.frame_id for layer in self._layers.values()), DEFAULT_FRAME)
-
-    def __getitem__(self, name: str) -> Layer:
-        """Return a layer by its name.
-
-        Raises:
-            LayerNotFound: If there is none.
-        """
-        if name not in self._layers:
-            raise LayerNotFound(name, self._layers)
-        return self._layers[name]
-
-    def layer(self, name: str, kind: type[AnyLayer]) -> AnyLayer:
-        """Return a layer by its name, typed for type checkers.
-
-        Raises:
-            LayerNotFound: If there is none of that name.
-            HypermapError: If it is of a different kind.
-        """
-        layer = self[name]
-        if not isinstance(layer, kind):
-            is_one = f"is of the kind {type(layer).__name__}"
-            raise HypermapError(f"layer {name!r} {is_one}, not {kind.__name__}")
-        return layer
-
-    def semantic(self, name: str | None = None) -> SemanticLayer:
-        """Return the semantic layer with this name, or the only one; raises like `layer`."""
-        return self.layer(self._only(SemanticLayer) if name is None else name, SemanticLayer)
-
-    def occupancy(self, name: str | None = None) -> OccupancyLayer:
-        """Return the occupancy layer with this name, or the only one; raises like `layer`."""
-        return self.layer(self._only(OccupancyLayer) if name is None else name, OccupancyLayer)
-
-    def _only(self, kind: type[Layer]) -> str:
-        names = [layer.name for layer in self if isinstance(layer, kind)]
-        if len(names) != 1:
-            what = f"{kind.__name__.removesuffix('Layer').lower()} layer"
-            if not names:
-                raise HypermapError(f"the map has no {what}")
-            raise HypermapError(f"the map has {len(names)} {what}s; name one of {', '.join(names)}")
-        return names[0]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._layers
-
-    def __iter__(self) -> Iterator[Layer]:
-        return iter(self.layers)
-
-    def add(self, layer: Layer) -> None:
-        """Add a layer after the others.
-
-        Raises:
-            HypermapError: If there is one of that name.
-        """
-        if layer.name in self._layers:
-            raise HypermapError(
-                f"there are two layers with the name {layer.name!r}; names must be unique"
-            )
-        self._layers[layer.name] = layer
-
-    def remove(self, name: str) -> None:
-        """Remove a layer from the map.
-
-        Raises:
-            LayerNotFound: If there is none of that name.
-        """
-        del self._layers[self[name].name]
-
-    def rename(self, name: str, new_name: str) -> None:
-        """Give a layer another name; it keeps its place.
-
-        Raises:
-            LayerNotFound: If there is none of that name.
-            HypermapError: If there is another one with the new name.
-            ValueError: If the new name is empty.
-        """
-        layer = self[name]
-        if new_name != name and new_name in self:
-            raise HypermapError(f"there is a layer {new_name!r} already; names must be unique")
-        if not new_name:
-            raise ValueError("a layer needs a name")
-        layer.name = new_name
-        self._layers = {layer.name: layer for layer in self.layers}
 
     def with_layer(self, layer: Layer) -> Hypermap:
         """Return a map in which a layer replaces the one with the same name.
@@ -256,10 +152,6 @@ class Hypermap(OutsideMethods):
         return layer.labels_at(self._points(point_xy, layer, frame_id))
 
     # Queries across layers
-
-    def placed_layers(self) -> list[Layer]:
-        """Return the layers whose frames are connected to the base frame; others are logged."""
-        return [layer for layer in self._layers.values() if self._has_place(layer)]
 
     def objects_at(
         self, point_xy: PointsLike, layer: str | None = None, frame_id: str | None = None
@@ -444,16 +336,6 @@ class Hypermap(OutsideMethods):
     def _placed(self, layer: SemanticLayer) -> PlacedLayer:
         return PlacedLayer(layer.name, layer.snapshot, self._pose_of(layer))
 
-    def _has_place(self, layer: Layer) -> bool:
-        try:
-            self._pose_of(layer)
-        except FrameError as error:
-            if layer.name not in self._warned:
-                self._warned.add(layer.name)
-                _log.warning("layer %r is left out: %s", layer.name, error)
-            return False
-        return True
-
     def _are_inside(
         self,
         layers: PlacedLayers,
@@ -478,33 +360,3 @@ class Hypermap(OutsideMethods):
             return layers.named([what])
         shape = as_area(what) if isinstance(what, BaseGeometry) else Point(as_point_xy(what))
         return Placed.geometry(base_T_asked.apply_geometry(shape))
-
-    # Frames
-
-    def _pose_of(self, layer: Layer) -> Pose2D:
-        """Return `base_T_layer`."""
-        return self._lookup(self.base_frame, layer.frame_id)
-
-    def _area(self, area: BaseGeometry, layer: Layer, frame_id: str | None) -> BaseGeometry:
-        """Transform an area from a frame into the layer's frame."""
-        return self._lookup(layer.frame_id, frame_id).apply_geometry(as_area(area))
-
-    def _points(self, points_xy: PointsLike, layer: Layer, frame_id: str | None) -> PointsLike:
-        """Transform points from a frame into the layer's frame."""
-        if frame_id is None and layer.frame_id == self.base_frame:
-            return points_xy
-        return self._lookup(layer.frame_id, frame_id).apply(points_xy)
-
-    def _in_base_frame(self, layer: Layer, hits: Hits) -> Hits:
-        return Hits(hits.values, self._pose_of(layer).apply(hits.points_xy))
-
-    def _lookup(self, target: str, source: str | None) -> Pose2D:
-        """Return `target_T_source`, where None is the base frame."""
-        if source is None:
-            return self.frames.lookup(target, self.base_frame)
-        known = dict.fromkeys([*(layer.frame_id for layer in self), *self.frames.frames])
-        if source not in known:
-            raise FrameError(
-                f"frame {source!r} is unknown to the map; {did_you_mean(source, known)}"
-            )
-        return self.frames.lookup(target, source)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.hypermap import DEFAULT_FRAME, Hypermap
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer_stack import DEFAULT_FRAME
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.atomic import is_folder
 from hypermap.formats.columns.geoparquet import MAGIC
