@@ -21,9 +21,10 @@ from hypermap.fleet.store.address import parse_address
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.followers import follow
 from hypermap.fleet.store.live_writer import Changes, LiveWriter
-from hypermap.fleet.store.observed import Observed, apply_observed
+from hypermap.fleet.store.observed import MOST_EVIDENCE, Observed, apply_observed
 from hypermap.fleet.store.pushing import pull, push
 from hypermap.fleet.store.spool import Delivery, Spool
+from hypermap.fleet.store.thinning import DAY, thin
 from hypermap.fleet.store.updates import Update, apply
 from hypermap.testing import assert_same_objects, square
 from hypermap.testing.comparing import assert_same_evidence
@@ -149,6 +150,36 @@ def test_what_the_spool_never_took_is_said_to_be_lost(tmp_path: Path) -> None:
         writer = LiveWriter(lambda: (mapped(1, 1), None), NOWHERE, path, "anna", troubles.append)
         assert writer.close() == 0
     assert any("disk full; the last observations are lost" in each for each in troubles)
+
+
+def test_the_newest_observations_of_an_object_stay_and_thin_removes_the_others(
+    site: str, database: Database
+) -> None:
+    push(database, Hypermap([SemanticLayer("semantic", "map")]), site)
+    changes = Changes(site, "anna")
+    for views in (MOST_EVIDENCE, MOST_EVIDENCE + 30):
+        sent = changes.since_last(mapped(2, views))
+        assert sent is not None
+        apply_observed(database, sent)
+    evidence = pull(database, site).semantic().evidence_of(1)
+    assert len(evidence) == MOST_EVIDENCE
+    assert evidence.stamps.min() == 1030.0  # the first is of 1000.0
+    assert pull(database, site, 2).semantic().evidence_of(1).stamps.min() == 1000.0
+    gone = changes.since_last(mapped(1, MOST_EVIDENCE + 30))
+    assert gone is not None
+    apply_observed(database, gone)
+    database.rows(
+        "UPDATE versions SET at = at - interval '9 days' FROM sites WHERE sites.id = site_id "
+        "AND name = %s RETURNING 1",
+        site,
+    )
+    thin(database, site)
+    assert len(pull(database, site, 2).semantic().evidence() or ()) == 2 * MOST_EVIDENCE
+    thin(database, site, keep=DAY)
+    left = pull(database, site).semantic().evidence()
+    assert left is not None
+    assert (len(left), len(left.stamps)) == (MOST_EVIDENCE, MOST_EVIDENCE)
+    assert set(left.object_ids.tolist()) == {0}
 
 
 def test_a_database_that_dies_costs_nothing(

@@ -234,19 +234,36 @@ def test_a_wrong_site_and_a_wrong_version_are_named(
     assert not Path(out).exists()
 
 
-def test_another_schema_version_is_refused(database: Database) -> None:
-    database.connected().execute("UPDATE hypermap.store_version SET version_num = '0'")
+@pytest.mark.parametrize(
+    ("version", "remedy"),
+    [
+        ("0", "migrate URL"),
+        ("1", "migrate URL"),
+        ("10", "update Hypermap"),
+        ("3b", "update Hypermap"),
+        (None, "there is no store yet; make one: hypermap migrate URL"),
+    ],
+)
+def test_another_schema_version_is_refused(
+    database: Database, version: str | None, remedy: str
+) -> None:
+    connection = database.connected()
+    if version is None:
+        connection.execute("DELETE FROM hypermap.store_version")
+    else:
+        connection.execute("UPDATE hypermap.store_version SET version_num = %s", (version,))
     try:
         database.close()
-        with pytest.raises(StoreError, match="has schema version 0, this program needs"):
+        said = f"has schema version {version}, this program needs" if version else remedy
+        with pytest.raises(StoreError, match=said) as error:
             list_sites(database)
+        assert str(error.value).endswith(remedy)
     finally:
         from hypermap.fleet.store.database import SCHEMA_VERSION, connect
 
         with connect(database.address) as connection:
-            connection.execute(
-                "UPDATE hypermap.store_version SET version_num = %s", (SCHEMA_VERSION,)
-            )
+            connection.execute("DELETE FROM hypermap.store_version")
+            connection.execute("INSERT INTO hypermap.store_version VALUES (%s)", (SCHEMA_VERSION,))
 
 
 def test_an_address_hides_its_password_and_survives_being_a_path() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 
 import pytest
@@ -109,6 +110,39 @@ def test_the_command_thins_a_site_and_says_what_it_removed(
     said = capsys.readouterr()
     assert "the last day of a store always stays" in said.err
     assert '"first": 5' in said.out
+
+
+def test_a_site_that_fails_is_named_and_the_others_are_thinned(
+    database: Database, store: str, old_site: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A trigger refuses to remove the first versions of one of all sites."""
+    layer = SemanticLayer("semantic", "map")
+    other = f"a refusing {old_site}"
+    push(database, Hypermap([layer]), other, note="refuse")
+    push(database, Hypermap([layer]), other, update=True, force=True)
+    connection = database.connected()
+    connection.execute(
+        """UPDATE versions SET at = at - interval '9 days' WHERE site_id =
+            (SELECT id FROM sites WHERE name = %s)""",
+        (other,),
+    )
+    connection.execute(
+        """CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS
+            $$ BEGIN RAISE insufficient_privilege USING MESSAGE = 'no'; END $$"""
+    )
+    connection.execute(
+        """CREATE TRIGGER refusing BEFORE DELETE ON versions FOR EACH ROW
+            WHEN (OLD.note = 'refuse') EXECUTE FUNCTION refuse()"""
+    )
+    try:
+        with pytest.raises(SystemExit) as ended:
+            main(["thin", store, "--keep-for", "1d", "--json"])
+    finally:
+        connection.execute("DROP TRIGGER refusing ON versions")
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert f"{other}: not thinned: " in said.err
+    assert {"site": old_site, "first": 5, "versions": 4, "rows": 4} in json.loads(said.out)
 
 
 def test_only_an_administrator_removes_versions(

@@ -139,10 +139,9 @@ class Database:
         if row is None:
             raise StoreError(f"{where}: there is no store yet; make one: hypermap migrate URL")
         if row[0] != SCHEMA_VERSION:
-            remedy = "hypermap migrate URL" if row[0] < SCHEMA_VERSION else "update Hypermap"
             raise StoreError(
                 f"{where}: the store has schema version {row[0]}, this program needs "
-                f"{SCHEMA_VERSION}: {remedy}"
+                f"{SCHEMA_VERSION}: {_remedy(row[0])}"
             )
 
     @contextlib.contextmanager
@@ -198,6 +197,12 @@ def connect(address: Address) -> Connection[Any]:
         is_refusal = "FATAL:" in reason and "starting up" not in reason
         kind = StoreError if is_refusal and "shutting down" not in reason else StoreAway
         raise kind(f"{address.shown}: cannot connect: {reason}") from None
+
+
+def _remedy(version: str) -> str:
+    """Return what to do about a store of another schema version; versions are counted from 1."""
+    is_older = version.isdecimal() and int(version) < int(SCHEMA_VERSION)
+    return "hypermap migrate URL" if is_older else "update Hypermap"
 
 
 def _reason(error: Exception) -> str:

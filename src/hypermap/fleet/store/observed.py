@@ -25,12 +25,33 @@ from hypermap.fleet.store.seen_cells import ChangedCells, layer_for_cells, put_c
 from hypermap.fleet.store.sites import add_version
 from hypermap.fleet.store.updates import layer_to_write, locked_site
 from hypermap.mapping.evidence_table import config_of, fused_shapes
+from hypermap.mapping.stages import EvidenceConfig
 
 if TYPE_CHECKING:
     from psycopg import Cursor
+    from typing_extensions import LiteralString
 
 SAME = 0.25
 """From which IoU on objects of one name that two robots see are the same."""
+
+MOST_EVIDENCE = EvidenceConfig().max_evidence
+"""How many observations of each object stay, the newest, as in a robot's own map."""
+
+_END_OLD = """
+UPDATE observations SET valid_to = %(version)s
+FROM (
+    SELECT number AS place, row_number() OVER (PARTITION BY object_id ORDER BY number DESC) AS age
+    FROM observations
+    WHERE layer_id = %(layer)s::integer AND valid_to IS NULL AND object_id = ANY (%(ids)s)
+) AS aged
+WHERE layer_id = %(layer)s::integer AND valid_to IS NULL AND number = place AND age > %(most)s"""
+_END_OF_REMOVED = """
+UPDATE observations SET valid_to = %(version)s
+WHERE layer_id = %(layer)s::integer AND valid_to IS NULL AND object_id = ANY (%(ids)s)
+    AND NOT EXISTS (
+        SELECT FROM objects WHERE layer_id = %(layer)s::integer AND valid_to IS NULL
+            AND id = observations.object_id
+    )"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,13 +220,23 @@ class _Writing:
         kept = evidence.of(known).rounded()
         ids = np.array([self._tracks[n].object_id for n in kept.object_ids.tolist()], np.int64)
         kept = dataclasses.replace(kept, object_ids=ids)
-        first_view = self._next_number("SELECT max(number) FROM views WHERE layer_id = %s")
-        first = self._next_number("SELECT max(number) FROM observations WHERE layer_id = %s")
+        first_view = self._next_number(
+            "SELECT max(number) FROM views WHERE layer_id = %s::integer AND valid_to IS NULL"
+        )
+        first = self._next_number(
+            "SELECT max(number) FROM observations WHERE layer_id = %s::integer AND valid_to IS NULL"
+        )
         if len(kept):
             views = rows.rows_of_views(kept, first_view)
             observations = rows.rows_of_observations(kept, first, first_view)
             tables.VIEWS.add(self._cursor, self._layer_id, self._version, views)
             tables.OBSERVATIONS.add(self._cursor, self._layer_id, self._version, observations)
+            self._end_observations(_END_OLD, set(ids.tolist()))
+
+    def _end_observations(self, statement: LiteralString, ids: Iterable[int]) -> None:
+        """Let some observations of objects be history, which `thin` bounds."""
+        values = {"version": self._version, "layer": self._layer_id, "ids": list(ids)}
+        self._cursor.execute(statement, {**values, "most": MOST_EVIDENCE})
 
     def _next_number(self, question: str) -> int:
         self._cursor.execute(question, (self._layer_id,))
@@ -303,3 +334,5 @@ class _Writing:
                 (self._version, self._layer_id, track.object_id, track.written),
             )
             self._counts["removed"] += self._cursor.rowcount
+        if gone := {self._tracks[local].object_id for local in removed if local in self._tracks}:
+            self._end_observations(_END_OF_REMOVED, gone)

@@ -182,9 +182,22 @@ def rows_of_cells(cells: NDArray[Any]) -> Iterator[Row]:
     height, width = cells.shape
     for row in range(0, height, TILE):
         for col in range(0, width, TILE):
-            part = np.ascontiguousarray(cells[row : row + TILE, col : col + TILE])
-            little = part.astype(part.dtype.newbyteorder("<"))
-            yield row // TILE, col // TILE, zlib.compress(little.tobytes(), 1)
+            part = cells[row : row + TILE, col : col + TILE]
+            yield row // TILE, col // TILE, content_of_tile(part)
+
+
+def content_of_tile(cells: NDArray[Any]) -> bytes:
+    """Return the cells of a tile as `tables.TILES` has them."""
+    little = cells.astype(cells.dtype.newbyteorder("<"))
+    return zlib.compress(little.tobytes(), 1)
+
+
+def shape_of_tile(place: tuple[int, int], grid: GridGeometry) -> tuple[int, int]:
+    """Return the rows and columns of the tile at (tile_row, tile_col) of a grid."""
+    height, width = (
+        min(TILE, size - number * TILE) for size, number in zip(grid.shape, place, strict=True)
+    )
+    return height, width
 
 
 def row_of_grid(grid: GridGeometry, cells: NDArray[Any]) -> Row:
@@ -225,9 +238,7 @@ def tile_of(
     Raises:
         StoreError: If it is damaged, or unpacks to more than a tile.
     """
-    height, width = (
-        min(TILE, size - number * TILE) for size, number in zip(grid.shape, place, strict=True)
-    )
+    height, width = shape_of_tile(place, grid)
     wanted = height * width * kind.itemsize
     try:
         plain = zlib.decompressobj().decompress(content, max(wanted, 0) + 1)

@@ -1,7 +1,7 @@
 """Cells that a robot has seen, put into the occupancy layer of a site.
 
-A robot sends the cells that have changed since it sent the last ones. They replace those of the
-site: what was seen last holds, whichever robot saw it.
+A robot sends the cells that it knows and that have changed since it sent the last ones. They
+replace those of the site: what was seen last holds, whichever robot saw it.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from hypermap.fleet.store.database import Database
 
 NO_NEWS = -2
-"""The value of a cell that has not changed."""
+"""The value of a cell that has not changed, or is not known."""
 
 _EDGE = 1e-6  # of a cell, by which rounding may put an edge beyond a cell's border
 
 
 @dataclass(frozen=True, eq=False)
 class ChangedCells:
-    """The cells of an occupancy layer that have changed.
+    """The known cells of an occupancy layer that have changed.
 
     Attributes:
         layer: the name of the layer.
         frame_id: its frame.
         grid: around the cells that have changed.
-        cells: -1 unknown, 0 free .. 100 occupied, or NO_NEWS; int8, shape (height, width).
+        cells: 0 free .. 100 occupied, or NO_NEWS; int8, shape (height, width).
     """
 
     layer: str
@@ -49,33 +49,42 @@ class ChangedCells:
 
 
 def changed_cells(before: OccupancyLayer | None, now: OccupancyLayer) -> ChangedCells | None:
-    """Return the cells that differ between two states of a layer; None if none does.
+    """Return the known cells that differ from an earlier state of a layer; None if none does.
 
     Args:
         before: the layer as it was, whose cells lie on those of the new one; None for nothing.
         now: the layer as it is.
     """
-    states = [layer for layer in (before, now) if layer is not None and layer.grid is not None]
-    sides = [layer.grid.resolution for layer in states if layer.grid is not None]
-    if not sides:
+    if now.grid is None or now.cells is None:
         return None
-    side = sides[-1]
-    firsts = np.array([_first_cell(layer, side) for layer in states])
-    shapes = np.array([layer.grid.shape for layer in states if layer.grid is not None])
-    low, high = firsts.min(axis=0), (firsts + shapes).max(axis=0)
-    old, new = (_spread(layer, side, low, high - low) for layer in (before, now))
-    differs = old != new
-    if not differs.any():
+    side = now.grid.resolution
+    is_news = now.cells != UNKNOWN
+    if before is not None and before.grid is not None and before.cells is not None:
+        shift = _first_cell(before, side) - _first_cell(now, side)
+        common = _overlap(shift, before.cells.shape, now.cells.shape)
+        old = before.cells[_overlap(-shift, now.cells.shape, before.cells.shape)]
+        is_news[common] &= now.cells[common] != old
+    if not is_news.any():
         return None
     part = tuple(
         slice(int(places[0]), int(places[-1]) + 1)
-        for places in (np.flatnonzero(differs.any(axis=axis)) for axis in (1, 0))
+        for places in (np.flatnonzero(is_news.any(axis=axis)) for axis in (1, 0))
     )
-    cells = np.where(differs, new, NO_NEWS)[part].astype(np.int8)
-    row, col = np.add(low, [part[0].start, part[1].start])
+    cells = np.where(is_news[part], now.cells[part], NO_NEWS).astype(np.int8)
+    row, col = np.add(_first_cell(now, side), [part[0].start, part[1].start])
     origin = Pose2D(along(int(col), side), along(int(row), side))
     grid = GridGeometry(cells.shape[1], cells.shape[0], side, origin)
     return ChangedCells(now.name, now.frame_id, grid, cells)
+
+
+def _overlap(
+    shift: NDArray[np.int64], shape: tuple[int, ...], within: tuple[int, ...]
+) -> tuple[slice, ...]:
+    """Return where an array of a shape, shifted by rows and columns, lies within another."""
+    return tuple(
+        slice(min(max(first, 0), whole), min(max(first + size, 0), whole))
+        for first, size, whole in zip(shift.tolist(), shape, within, strict=True)
+    )
 
 
 def layer_for_cells(cursor: Cursor[Any], database: Database, site: str, seen: ChangedCells) -> int:
@@ -104,6 +113,8 @@ def layer_for_cells(cursor: Cursor[Any], database: Database, site: str, seen: Ch
 def put_cells(cursor: Cursor[Any], layer_id: int, version: int, seen: ChangedCells) -> int:
     """Let a layer of a site have the cells that have changed; it grows by whole tiles.
 
+    Only tiles with such cells are read and written, unless the layer grows.
+
     Returns:
         How many tiles have changed.
 
@@ -117,18 +128,61 @@ def put_cells(cursor: Cursor[Any], layer_id: int, version: int, seen: ChangedCel
     ).fetchone()
     grid, kind = (None, np.dtype(np.int8)) if known is None else rows.grid_of(known)
     whole = _grown(grid, seen.grid)
-    tiles = cursor.execute(
-        "SELECT tile_row, tile_col, cells FROM tiles WHERE layer_id = %s AND valid_to IS NULL",
-        (layer_id,),
-    ).fetchall()
+    at, values = _news(whole, seen)
+    if whole == grid:
+        return _put_tiles(cursor, layer_id, version, whole, kind, at, values)
     cells = np.full(whole.shape, UNKNOWN, kind)
     if grid is not None:
         row, col = np.round(whole.positions_at([[grid.origin.x, grid.origin.y]])[0]).astype(int)
         within = cells[row : row + grid.height, col : col + grid.width]
-        within[...] = rows.cells_of(tiles, grid, kind, UNKNOWN)
-    _overwrite(cells, whole, seen)
+        within[...] = rows.cells_of(_tiles(cursor, layer_id), grid, kind, UNKNOWN)
+    cells[tuple(at.T)] = values
     tables.GRIDS.replace(cursor, layer_id, version, [rows.row_of_grid(whole, cells)])
     return tables.TILES.replace(cursor, layer_id, version, rows.rows_of_cells(cells))
+
+
+def _put_tiles(
+    cursor: Cursor[Any],
+    layer_id: int,
+    version: int,
+    grid: GridGeometry,
+    kind: np.dtype[Any],
+    at: NDArray[np.int64],
+    values: NDArray[Any],
+) -> int:
+    """Let cells have values; return how many tiles have changed."""
+    places, tile_of_cell = np.unique(at // rows.TILE, axis=0, return_inverse=True)
+    stored = {(row, col): content for row, col, content in _tiles(cursor, layer_id, places)}
+    changed = []
+    for number, (row, col) in enumerate(places.tolist()):
+        if (row, col) in stored:
+            before = rows.tile_of(stored[row, col], (row, col), grid, kind)
+        else:
+            before = np.full(rows.shape_of_tile((row, col), grid), UNKNOWN, kind)
+        is_here = tile_of_cell.reshape(-1) == number
+        now = before.copy()
+        now[tuple((at[is_here] - places[number] * rows.TILE).T)] = values[is_here]
+        if (now != before).any():
+            changed.append((row, col, rows.content_of_tile(now)))
+    if changed:
+        tables.TILES.put(cursor, layer_id, version, changed)
+    return len(changed)
+
+
+def _tiles(
+    cursor: Cursor[Any], layer_id: int, places: NDArray[np.int64] | None = None
+) -> list[rows.Row]:
+    """Return tile_row, tile_col and cells of the tiles at some places, shape (N, 2), or of all."""
+    question = (
+        "SELECT tile_row, tile_col, cells FROM tiles WHERE layer_id = %s::integer "
+        "AND valid_to IS NULL"
+    )
+    if places is None:
+        return cursor.execute(question, (layer_id,)).fetchall()
+    return cursor.execute(
+        f"{question} AND (tile_row, tile_col) IN (SELECT * FROM unnest(%s::int[], %s::int[]))",
+        (layer_id, *places.T.tolist()),
+    ).fetchall()
 
 
 def _grown(grid: GridGeometry | None, other: GridGeometry) -> GridGeometry:
@@ -155,15 +209,18 @@ def _grown(grid: GridGeometry | None, other: GridGeometry) -> GridGeometry:
     return GridGeometry(width, height, grid.resolution, grid.origin @ corner)
 
 
-def _overwrite(cells: NDArray[Any], grid: GridGeometry, seen: ChangedCells) -> None:
-    """Let cells have what was seen at their centers."""
+def _news(grid: GridGeometry, seen: ChangedCells) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
+    """Return row and column of the cells with news at their centers, shape (N, 2), and the news.
+
+    A robot that does not know a cell says nothing of it, as others may.
+    """
     window = grid.window_in(seen.grid.outline())
     at = np.add(np.indices(window.shape).reshape(2, -1).T, [window.row, window.col])
     places = seen.grid.cells_at(grid.centers(*at.T))
     is_on = seen.grid.contains(*places.T)
     values = seen.cells[tuple(places[is_on].T)]
-    is_news = values != NO_NEWS
-    cells[tuple(at[is_on][is_news].T)] = values[is_news]
+    is_news = values > UNKNOWN
+    return at[is_on][is_news], values[is_news]
 
 
 def _first_cell(layer: OccupancyLayer, side: float) -> NDArray[np.int64]:
@@ -171,14 +228,3 @@ def _first_cell(layer: OccupancyLayer, side: float) -> NDArray[np.int64]:
     assert layer.grid is not None
     origin = layer.grid.origin
     return np.round([origin.y / side, origin.x / side]).astype(np.int64)
-
-
-def _spread(
-    layer: OccupancyLayer | None, side: float, low: NDArray[np.int64], shape: NDArray[np.int64]
-) -> NDArray[np.int8]:
-    """Return the cells of a layer in a larger window; unknown around them."""
-    cells = np.full(tuple(shape), UNKNOWN, np.int8)
-    if layer is not None and layer.grid is not None and layer.cells is not None:
-        row, col = _first_cell(layer, side) - low
-        cells[row : row + layer.grid.height, col : col + layer.grid.width] = layer.cells
-    return cells

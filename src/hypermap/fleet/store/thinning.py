@@ -23,6 +23,11 @@ _SIZES = " UNION ALL ".join(
     for table in tables.ALL
 )
 _REMOVE = "DELETE FROM {table} WHERE {owner} = ANY (%s) AND valid_to IS NOT NULL AND valid_to <= %s"
+# Robots' observations become history one by one, and their views with the last of them.
+_REMOVE_VIEWS = """
+DELETE FROM views WHERE layer_id = ANY (%s) AND valid_to IS NULL AND NOT EXISTS (
+    SELECT FROM observations WHERE layer_id = views.layer_id AND view = views.number
+)"""
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,7 @@ def thin(
                 table=sql.Identifier(table.name), owner=sql.Identifier(table.owner)
             )
             removed += cursor.execute(statement, (owners[table.owner], first)).rowcount
+        removed += cursor.execute(_REMOVE_VIEWS, (owners["layer_id"],)).rowcount
         versions = cursor.execute(
             "DELETE FROM versions WHERE site_id = %s AND version < %s", (site_id, first)
         ).rowcount
