@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from hypermap.cli.experiment_days import SeriesPlan, run_days
+from hypermap.cli.experiment_days import run
+from hypermap.cli.experiment_plan import Plan
 from hypermap.experiments.days import Series, Tally, map_one
 from hypermap.mapping.config import profile
 from hypermap.simulation.levels import errors_of_level
@@ -49,10 +50,29 @@ def test_the_command_prints_and_saves_the_figures(
         return [demo()]
 
     monkeypatch.setattr("hypermap.experiments.days.map_series", series)
-    world = built_in_world("demo")
-    plan = SeriesPlan((world,), range(3, 4), errors_of_level("none"), 0.5, 2)
-    run_days(plan, 1, tmp_path / "days.json", as_json=False)
+    plan = Plan(
+        name="days",
+        worlds="demo",
+        methods="all",
+        added=(),
+        parts="all",
+        seeds=1,
+        drives=2,
+        given_first_seed=3,
+        level="none",
+        sensor="kinect_v1",
+        network=False,
+        rate=0.5,
+        given_jobs=1,
+    )
+    run(plan, tmp_path / "days.json", as_json=False, replace=False)
     assert "ids that changed" in capsys.readouterr().out
-    figures = json.loads((tmp_path / "days.json").read_text())["worlds"]["demo"]
+    data = json.loads((tmp_path / "days.json").read_text())
+    assert data["command"] == (
+        "hypermap experiment days --worlds demo --seeds 1 --first-seed 3 --errors none --drives 2 "
+        "--rate 0.5"
+    )
+    assert data["made_with"]["methods"]["default"]["evidence"]["fusion"] == "votes"
+    figures = data["worlds"]["demo"]
     assert figures["kept"] == demo().kept
     assert figures["changes"]["moved"]["true"] == demo().true["moved"]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import re
 import subprocess
 import sys
 import time
@@ -46,11 +48,13 @@ def hypermap(*words: str | Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict, str]:
-    """What the command prints, its figures and its page."""
+    """What the command prints, its figures and its page; the tables are in the folder named."""
     folder = tmp_path_factory.mktemp("experiment")
     (folder / "studio.yaml").write_text(WORLD, encoding="utf-8")
+    (folder / "hull.yaml").write_text("evidence: {fusion: convex_hull}\n", encoding="utf-8")
     page = folder / "thesis.html"
-    words = ("--worlds", folder / "studio.yaml", "--seeds", "2", "--rate", "2", "-o", page)
+    words = ("--worlds", folder / "studio.yaml", "--seeds", "2", "--rate", "2", "-o", page,
+             "--method", folder / "hull.yaml")  # fmt: skip
     done = hypermap("experiment", "thesis", *words, "--errors", "fair", "--jobs", "2")
     assert done.returncode == 0, done.stderr
     figures = json.loads(page.with_suffix(".json").read_text(encoding="utf-8"))
@@ -67,7 +71,9 @@ def test_all_methods_are_measured_on_the_same_drives(report: tuple[str, dict, st
         "convex hull, overlap",
         "convex hull, radius",
         "default",
+        "hull",
     ]
+    assert figures["made_with"]["methods"]["hull"]["evidence"]["fusion"] == "convex_hull"
     ours = world["methods"][OURS]
     assert ours["iou"] > 0.5
     assert set(ours["classes"]) == {"chair", "table"}
@@ -107,6 +113,18 @@ def test_the_table_and_the_page_show_the_figures(report: tuple[str, dict, str]) 
     assert page.count("data:image/png;base64,") == 2
     assert "http" not in page  # it needs no network
     assert figures["command"] in page
+
+
+def test_each_table_is_saved_for_a_paper(report: tuple[str, dict, str]) -> None:
+    text, figures, _ = report
+    folder = Path(re.search(r"tables +(.*)", text).group(1))  # type: ignore[union-attr]
+    names = {file.stem for file in folder.iterdir()}
+    assert {"studio-methods", "studio-class-iou", "studio-reliability-default"} <= names
+    assert {file.suffix for file in folder.iterdir()} == {".csv", ".tex"}
+    with (folder / "studio-methods.csv").open(encoding="utf-8") as file:
+        rows = {row["method"]: row for row in csv.DictReader(file)}
+    for name, method in figures["worlds"][0]["methods"].items():
+        assert rows[name]["IoU"] == ("" if method["iou"] is None else str(method["iou"]))
 
 
 def test_the_same_drive_gives_the_same_map_as_the_mapper() -> None:
@@ -244,15 +262,23 @@ def _command_line(process: str) -> str:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["thesiss"], "there is no experiment 'thesiss'; known: thesis"),
+        (["thesiss"], "there is no experiment 'thesiss'; did you mean 'thesis'?"),
         (["thesis", "--worlds", "labb"], "there is no world 'labb'; did you mean 'lab'?"),
         (["thesis", "--errors", "bad"], "there is no level of errors 'bad'"),
-        (["days", "--network"], "--network: only the experiment `thesis` has it"),
+        (["days", "--network"], "--network: the experiment `days` does not have it"),
         (
             ["thesis", "--worlds", "lab,floor,lab"],
             "--worlds: lab and lab have the same name 'lab'; change the key",
         ),
         (["thesis", "-o", "no/where.html"], "does not exist; create it first"),
+        (["thesis", "-o", "report.pdf"], "report.pdf: a report is saved as .html"),
+        (["thesis", "--method", "no.yaml"], "no.yaml: there is no such configuration file"),
+        (["thesis", "--method", "mine"], "--method mine: no such method is installed; known"),
+        (
+            ["ablation", "--parts", "wheels"],
+            "has no part 'wheels' that can be left out; it has:",
+        ),
+        (["ablation", "--method", "a.yaml", "--method", "b.yaml"], "is of one method; give one"),
     ],
 )
 def test_what_cannot_be_done_is_said(

@@ -4,60 +4,51 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hypermap.cli.experiment_plan import Plan
+from hypermap.cli.options import check_output
 from hypermap.cli.progress import counting
 from hypermap.cli.terminal import out, say, say_json, table
+from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.experiments.days import Tally
-    from hypermap.simulation import Errors, World
 
 
-@dataclass(frozen=True)
-class SeriesPlan:
-    """Which drives there are.
-
-    Attributes:
-        worlds: as they are on the first day, before each seed varies them.
-        seeds: one series each.
-        errors: of camera, localization and detector.
-        rate: frames per second.
-        drives: in each series.
-    """
-
-    worlds: tuple[World, ...]
-    seeds: Sequence[int]
-    errors: Errors
-    rate: float
-    drives: int
-
-
-def run_days(plan: SeriesPlan, jobs: int, figures: Path, as_json: bool) -> None:
+def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     """Map all series, show what came of them, and save it as JSON."""
     from hypermap.experiments.days import Series, map_series
+    from hypermap.experiments.results import made_with
     from hypermap.formats.atomic import write_file
     from hypermap.mapping.config import profile
     from hypermap.simulation import varied
 
+    if plan.network or plan.added:
+        option = "--network" if plan.network else "--method"
+        raise HypermapError(f"{option}: the experiment `days` does not have it")
+    figures = output or Path("days.json")
+    check_output(figures, replace)
     found: dict[str, list[Tally]] = {}
     series = [
         Series(varied(world, seed), seed, plan.errors, plan.rate, plan.drives)
-        for world in plan.worlds
-        for seed in plan.seeds
+        for world in plan.described_worlds
+        for seed in plan.seed_range
     ]
+    config = profile("default")
     with counting("mapping", len(series), "series of drives") as count:
-        for tally in map_series(series, profile("default"), jobs):
+        for tally in map_series(series, config, plan.jobs):
             found.setdefault(tally.world, []).append(tally)
             count()
     data: dict[str, Any] = {
         "drives": plan.drives,
         "rate": plan.rate,
-        "seeds": list(plan.seeds),
+        "seeds": list(plan.seed_range),
         "worlds": {name: _figures(tallies) for name, tallies in found.items()},
         "series": [vars(tally) for tallies in found.values() for tally in tallies],
+        "command": plan.command,
+        "made_with": made_with(plan.errors, {"default": config}),
     }
     write_file(figures, json.dumps(data, indent=1).encode())
     if as_json:
@@ -106,7 +97,7 @@ def _share(part: int, whole: int) -> float | None:
 
 
 def _show(name: str, world: dict[str, Any]) -> None:
-    from hypermap.experiments.report import number
+    from hypermap.experiments.tables import number
 
     columns = ("changes", "precision", "recall", "F1")
     rows = table("kind", *columns, right=columns)

@@ -6,7 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
+from hypermap.experiments.methods import Method
 from hypermap.experiments.parallel import in_processes
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.completion import free_share
@@ -61,7 +63,7 @@ class Mapped:
     sightings: Sightings
 
 
-def map_drive(drive: SimulatedDrive, methods: Mapping[str, MappingConfig]) -> Mapped:
+def map_drive(drive: SimulatedDrive, methods: Mapping[str, Method]) -> Mapped:
     """Return the objects that each method maps on a drive.
 
     Each frame is rendered once, and looked at once by each way of perception. The occupancy map is
@@ -76,33 +78,76 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, MappingConfig]) -> Ma
     )
     occupancy = recording.occupancy()
     assert occupancy is not None  # it has one by default
-    maps = {
-        name: EvidenceMap(config.evidence, partial(free_share, occupancy))
-        for name, config in methods.items()
-    }
-    keyframes = {name: KeyframeSelector(config.keyframes) for name, config in methods.items()}
-    aligners = {
-        config.alignment: Aligner(occupancy, config.alignment) for config in methods.values()
+    looks = _Looks(occupancy)
+    runs = {
+        name: _ConfiguredRun(method, occupancy, looks)
+        if isinstance(method, MappingConfig)
+        else method.start(occupancy)
+        for name, method in methods.items()
     }
     for frame in recording.frames():
-        detections = frame.detections if frame.detections is not None else Detections.of([], [], [])
-        frames: dict[AlignmentConfig, RgbdFrame] = {}
-        seen: dict[tuple[AlignmentConfig, PerceptionConfig], Observation] = {}
-        for name, config in methods.items():
-            if not keyframes[name].accept(frame.map_T_camera):
-                continue
-            way = config.alignment, config.perception
-            if config.alignment not in frames:
-                frames[config.alignment] = aligners[config.alignment].align(frame)
-            if way not in seen:
-                seen[way] = observe(frames[config.alignment], detections, config.perception)
-            maps[name].update(seen[way])
-    objects = {name: tuple(evidence.objects()) for name, evidence in maps.items()}
+        looks.turn_to(frame)
+        for run in runs.values():
+            run.add(frame)
+    objects = {name: tuple(run.objects()) for name, run in runs.items()}
     return Mapped(drive, len(recording), objects, recording.sightings)
 
 
+class _Looks:
+    """What configurations have in common on one frame: its corrected pose and what it shows."""
+
+    def __init__(self, occupancy: OccupancyLayer) -> None:
+        self._occupancy = occupancy
+        self._aligners: dict[AlignmentConfig, Aligner] = {}
+        self._frames: dict[AlignmentConfig, RgbdFrame] = {}
+        self._seen: dict[tuple[AlignmentConfig, PerceptionConfig], Observation] = {}
+
+    def turn_to(self, frame: RgbdFrame) -> None:
+        """Forget the frame before."""
+        self._frame = frame
+        self._frames.clear()
+        self._seen.clear()
+
+    def observation(self, config: MappingConfig) -> Observation:
+        """Return what the frame shows, from the pose that a configuration takes it from."""
+        way = config.alignment, config.perception
+        if way not in self._seen:
+            frame = self._aligned(config.alignment)
+            detections = frame.detections
+            nothing = Detections.of([], [], [])
+            found = nothing if detections is None else detections
+            self._seen[way] = observe(frame, found, config.perception)
+        return self._seen[way]
+
+    def _aligned(self, config: AlignmentConfig) -> RgbdFrame:
+        if config not in self._aligners:
+            self._aligners[config] = Aligner(self._occupancy, config)
+        if config not in self._frames:
+            self._frames[config] = self._aligners[config].align(self._frame)
+        return self._frames[config]
+
+
+class _ConfiguredRun:
+    """Our mapping with a configuration, on one drive; a `MappingRun`."""
+
+    def __init__(self, config: MappingConfig, occupancy: OccupancyLayer, looks: _Looks) -> None:
+        self._config = config
+        self._looks = looks
+        self._keyframes = KeyframeSelector(config.keyframes)
+        self._map = EvidenceMap(config.evidence, partial(free_share, occupancy))
+
+    def add(self, frame: RgbdFrame) -> None:
+        """Map a frame, which is the one that the looks are of."""
+        if self._keyframes.accept(frame.map_T_camera):
+            self._map.update(self._looks.observation(self._config))
+
+    def objects(self) -> list[SemanticObject]:
+        """Return the objects of the map so far."""
+        return self._map.objects()
+
+
 def map_drives(
-    drives: Sequence[SimulatedDrive], methods: Mapping[str, MappingConfig], jobs: int
+    drives: Sequence[SimulatedDrive], methods: Mapping[str, Method], jobs: int
 ) -> Iterator[Mapped]:
     """Yield what becomes of each drive, in the order in which they are done.
 

@@ -1,15 +1,21 @@
-"""The methods of an experiment: the four of the 2019 thesis, and ours."""
+"""The methods of an experiment: the four of the 2019 thesis, ours, and those of users."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
 
-from hypermap.core.errors import HypermapError, did_you_mean
-from hypermap.mapping.config import MappingConfig, profile
+from hypermap.core.errors import FormatError, HypermapError, did_you_mean
+from hypermap.experiments.installed_methods import InstalledMethod, installed_method
+from hypermap.mapping.config import MappingConfig, profile, to_dict
+from hypermap.mapping.overrides import override, read_overrides
 
 OURS = "default"
+
+Method: TypeAlias = MappingConfig | InstalledMethod
+"""A configuration of our mapping, or the code of another package."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +67,60 @@ def methods() -> dict[str, MappingConfig]:
     return {**found, OURS: profile("default")}
 
 
-def chosen_methods(words: str) -> dict[str, MappingConfig]:
-    """Return the methods whose names begin with one of some words, or all for "all".
+def chosen_methods(words: str, added: Sequence[str] = ()) -> dict[str, Method]:
+    """Return the methods that a user asks for, by name.
 
     >>> list(chosen_methods("best,default"))
     ['best shape, overlap', 'best shape, radius', 'default']
 
+    Args:
+        words: beginnings of names of `methods`, with commas between them; "all" for all.
+        added: further methods, see `named_method`.
+
     Raises:
-        HypermapError: If a word is the beginning of no name.
+        HypermapError: If a word is the beginning of no name, there is no such method, or two have
+            the same name.
     """
+    chosen: dict[str, Method] = {**_built_in(words)}
+    for word in added:
+        name, method = named_method(word)
+        if name in chosen:
+            raise HypermapError(f"--method {word}: there is a method {name!r} already; rename it")
+        chosen[name] = method
+    return chosen
+
+
+def named_method(word: str) -> tuple[str, Method]:
+    """Return the name of a method, and the method.
+
+    Args:
+        word: a YAML file, whose name without its suffix is the method's, with what differs from
+            the profile "default", or from the one in its key `profile`; or the name of an installed
+            method (`installed_method`).
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If the file has an unknown profile or key, or a wrong value.
+        HypermapError: If no method of that name is installed.
+    """
+    path = Path(word)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return word, installed_method(word)
+    values = dict(read_overrides(path))
+    base = values.pop("profile", "default")
+    try:
+        whole = profile(str(base))
+    except ValueError as error:
+        raise FormatError(str(error), path=path, key="profile") from None
+    return path.stem, override(whole, values, path=path)
+
+
+def settings_of(method: Method) -> dict[str, Any]:
+    """Return all that makes a method, as plain values."""
+    return to_dict(method) if isinstance(method, MappingConfig) else asdict(method)
+
+
+def _built_in(words: str) -> dict[str, MappingConfig]:
     known = methods()
     if words == "all":
         return known

@@ -18,8 +18,7 @@ from hypermap.evaluation.metrics import Evaluation, evaluate
 from hypermap.evaluation.significance import effect_of, signed_rank
 from hypermap.experiments.calibration import Bin, calibration_error, judged, reliability
 from hypermap.experiments.drives import Mapped
-from hypermap.experiments.methods import OURS, PUBLISHED
-from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.experiments.methods import OURS, PUBLISHED, Method, settings_of
 from hypermap.simulation import Errors, World
 from hypermap.simulation.truth import true_objects
 
@@ -162,7 +161,7 @@ def to_data(results: Sequence[WorldResult]) -> Data:
     }
 
 
-def made_with(errors: Errors, methods: Mapping[str, MappingConfig]) -> Data:
+def made_with(errors: Errors, methods: Mapping[str, Method]) -> Data:
     """Return all that figures depend on besides worlds and seeds: versions and settings.
 
     Args:
@@ -177,7 +176,7 @@ def made_with(errors: Errors, methods: Mapping[str, MappingConfig]) -> Data:
             **{name: version(name) for name in packages},
         },
         "errors": _finite(asdict(errors)),
-        "methods": {name: _finite(to_dict(config)) for name, config in methods.items()},
+        "methods": {name: _finite(settings_of(method)) for name, method in methods.items()},
     }
 
 

@@ -1,0 +1,143 @@
+"""What a user asks an experiment for: worlds, drives, errors and methods."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from hypermap.cli.progress import counting
+from hypermap.cli.simulate import errors_of, world_of
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.experiments.drives import Mapped, SimulatedDrive
+    from hypermap.experiments.methods import Method
+    from hypermap.experiments.results import WorldResult
+    from hypermap.simulation import Errors, World
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The options of `hypermap experiment`, as they are given.
+
+    Attributes:
+        name: of the experiment.
+        worlds: words with commas between them.
+        methods: beginnings of names with commas between them, or "all".
+        added: further methods, by file or name.
+        parts: beginnings of names with commas between them, or "all", for `ablation`.
+        seeds: how many.
+        drives: in a series, for `days`.
+        given_first_seed: None for that of the worlds.
+        level: of errors.
+        sensor: a preset's name.
+        network: whether the network of the package detects the objects.
+        rate: frames per second.
+        given_jobs: drives at the same time; 0 for one per core.
+    """
+
+    name: str
+    worlds: str
+    methods: str
+    added: tuple[str, ...]
+    parts: str
+    seeds: int
+    drives: int
+    given_first_seed: int | None
+    level: str
+    sensor: str
+    network: bool
+    rate: float
+    given_jobs: int
+
+    @property
+    def seed_range(self) -> range:
+        """The seeds."""
+        from hypermap.experiments.sets import first_seed_of, worlds_named
+
+        first = self.given_first_seed
+        if first is None:
+            first = first_seed_of(worlds_named(self.worlds))
+        return range(first, first + self.seeds)
+
+    @property
+    def jobs(self) -> int:
+        """How many drives are mapped at the same time."""
+        return self.given_jobs or len(os.sched_getaffinity(0))
+
+    @cached_property
+    def errors(self) -> Errors:
+        """Those of camera, localization and detector."""
+        return errors_of(self.level, self.sensor)
+
+    @cached_property
+    def described_worlds(self) -> list[World]:
+        """The worlds; those for the network have its names.
+
+        Raises:
+            HypermapError: If there is no such world, or two have the same name.
+        """
+        from hypermap.experiments.sets import worlds_named
+        from hypermap.simulation.network import named_for_network
+
+        words = worlds_named(self.worlds)
+        described = [world_of(word) for word in words]
+        if self.network:
+            described = [named_for_network(world) for world in described]
+        _check_names([world.name for world in described], words)
+        return described
+
+    @property
+    def command(self) -> str:
+        """The command that repeats the experiment."""
+        options = f"--worlds {self.worlds} --seeds {self.seeds}"
+        options += f" --first-seed {self.seed_range.start} --errors {self.level}"
+        if self.sensor != "kinect_v1":
+            options += f" --sensor {self.sensor}"
+        if self.network:
+            options += " --network"
+        if self.methods != "all":
+            options += f" --methods {shlex.quote(self.methods)}"
+        if self.parts != "all":
+            options += f" --parts {shlex.quote(self.parts)}"
+        if self.name == "days":
+            options += f" --drives {self.drives}"
+        options += "".join(f" --method {shlex.quote(word)}" for word in self.added)
+        return f"hypermap experiment {self.name} {options} --rate {self.rate:g}"
+
+    def map(self, methods: Mapping[str, Method]) -> list[WorldResult]:
+        """Map all drives by all methods, and return the results, world by world."""
+        from hypermap.experiments.drives import SimulatedDrive, map_drives
+        from hypermap.experiments.results import WorldResult
+        from hypermap.simulation import varied
+
+        drives: list[SimulatedDrive] = [
+            SimulatedDrive(varied(world, seed), seed, self.errors, self.rate, self.network)
+            for world in self.described_worlds
+            for seed in self.seed_range
+        ]
+        mapped: list[Mapped] = []
+        with counting("mapping", len(drives), "drives") as count:
+            for done in map_drives(drives, methods, self.jobs):
+                mapped.append(done)
+                count()
+        return [
+            WorldResult.of([each for each in mapped if each.drive.world.name == world.name])
+            for world in self.described_worlds
+        ]
+
+
+def _check_names(names: list[str], words: list[str]) -> None:
+    """Raise a HypermapError if two worlds have the same name."""
+    first: dict[str, str] = {}
+    for name, word in zip(names, words, strict=True):
+        if name in first:
+            raise HypermapError(
+                f"--worlds: {first[name]} and {word} have the same name {name!r}; change the key "
+                "`name` of one file, or use only one of them"
+            )
+        first[name] = word

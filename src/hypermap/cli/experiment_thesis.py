@@ -1,0 +1,58 @@
+"""`hypermap experiment thesis`: methods compared on the same drives."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hypermap.cli.experiment_plan import Plan
+from hypermap.cli.experiment_tables import check_outputs, show, tables_folder
+from hypermap.cli.terminal import say, say_json
+
+if TYPE_CHECKING:
+    from hypermap.experiments.results import Data
+
+_SHOWN = ("method", "IoU", "off by [m]", "thesis' IoU", "thesis' [m]", "p (IoU)", "p (off by)",
+          "objects", "precision", "recall", "F1")  # fmt: skip
+
+
+def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
+    """Map all drives by all methods, show what came of them, and save it."""
+    from hypermap.experiments.methods import OURS, chosen_methods
+    from hypermap.experiments.report import write_report
+    from hypermap.experiments.results import made_with, to_data
+    from hypermap.experiments.tables import save_tables
+    from hypermap.experiments.thesis_tables import tables_of
+    from hypermap.formats.atomic import write_file
+
+    output = output or Path("thesis.html")
+    methods = chosen_methods(plan.methods, plan.added)
+    made = made_with(plan.errors, methods)
+    check_outputs(output, replace)
+    results = plan.map(methods)
+    data = {**to_data(results), "command": plan.command, "made_with": made}
+    write_report(results, data, output, plan.command)
+    tables = [table for world in data["worlds"] for table in tables_of(world)]
+    save_tables(tables, tables_folder(output))
+    figures = output.with_suffix(".json")
+    write_file(figures, json.dumps(data, indent=1).encode())
+    if as_json:
+        say_json(data)
+        return
+    for world in data["worlds"]:
+        _show(world)
+    if OURS in methods:
+        say(f"p: that {OURS} is no better")
+    say(f"\nreport   {output}\nfigures  {figures}\ntables   {tables_folder(output)}")
+
+
+def _show(world: Data) -> None:
+    from hypermap.experiments.thesis_tables import methods_table
+
+    show(methods_table(world).only(*_SHOWN))
+    bound = world["bound"]
+    say(
+        f"found by the detector at all: {bound['detected']:.2f} of the objects, in two frames or "
+        f"more {bound['detected_twice']:.2f}, which bounds recall"
+    )

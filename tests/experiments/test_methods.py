@@ -1,0 +1,186 @@
+"""Methods that users add to an experiment: files, and entry points of packages."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.experiments.drives import SimulatedDrive, map_drive
+from hypermap.experiments.installed_methods import InstalledMethod, installed_names
+from hypermap.experiments.methods import chosen_methods, named_method, settings_of
+from hypermap.mapping.config import MappingConfig, profile
+from hypermap.simulation import errors_of_level
+from hypermap.simulation.trajectory import DrivePlan
+from hypermap.simulation.world import FloorPlan, World, WorldObject
+
+PACKAGE = '''
+import shapely
+from hypermap import SemanticObject
+from hypermap.mapping.config import profile
+
+SLOW = profile("thesis")
+NUMBER = 3
+
+
+class Boxes:
+    """Puts a box of one meter before the camera for each name that is detected."""
+
+    def __init__(self, occupancy):
+        self.named = {}
+
+    def add(self, frame):
+        x, y = frame.map_T_camera[:2, 3] + 2 * frame.map_T_camera[:2, 2]
+        for name in frame.detections.names:
+            self.named[name] = SemanticObject(name, shapely.box(x - 0.5, y - 0.5, x + 0.5, y + 0.5))
+
+    def objects(self):
+        return list(self.named.values())
+
+
+def broken(occupancy):
+    raise RuntimeError("no wheels")
+
+
+def nothing(occupancy):
+    return None
+'''
+POINTS = """[hypermap.methods]
+boxes = box_mapper:Boxes
+slow = box_mapper:SLOW
+number = box_mapper:NUMBER
+broken = box_mapper:broken
+nothing = box_mapper:nothing
+gone = box_mapper:Gone
+"""
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package with methods, as pip would install it."""
+    (tmp_path / "box_mapper.py").write_text(PACKAGE)
+    metadata = tmp_path / "box_mapper-1.5.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: box-mapper\nVersion: 1.5\n")
+    (metadata / "entry_points.txt").write_text(POINTS)
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path
+
+
+def drive() -> SimulatedDrive:
+    world = World(
+        "test",
+        FloorPlan((0, 0, 6, 4)),
+        objects=(WorldObject("table", (3, 2)),),
+        drive=DrivePlan(((0.5, 2), (0.7, 2)), speed=0.2),
+    )
+    return SimulatedDrive(world, 3, errors_of_level("none"), 1.0)
+
+
+def test_a_file_is_a_method_with_its_name_and_what_differs(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("profile: thesis\nevidence: {loss: 0.4}\n")
+    methods = chosen_methods("default", [str(file)])
+    assert list(methods) == ["default", "mine"]
+    mine = methods["mine"]
+    assert isinstance(mine, MappingConfig)
+    assert mine.evidence.loss == 0.4
+    assert mine.perception == profile("thesis").perception
+    file.write_text("")
+    assert named_method(str(file)) == ("mine", profile("default"))
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_package_brings_code_or_a_configuration() -> None:
+    assert installed_names() == ["boxes", "broken", "gone", "nothing", "number", "slow"]
+    methods = chosen_methods("default", ["boxes", "slow"])
+    assert methods["slow"] == profile("thesis")
+    boxes = methods["boxes"]
+    assert boxes == InstalledMethod("boxes", "box_mapper:Boxes", "1.5")
+    assert settings_of(boxes) == {"name": "boxes", "source": "box_mapper:Boxes", "version": "1.5"}
+    mapped = map_drive(drive(), methods)
+    assert [thing.name for thing in mapped.objects["boxes"]] == ["table"]
+    (found,) = mapped.objects["boxes"]
+    assert found.footprint.centroid.coords[0] == pytest.approx((2.7, 2), abs=0.1)
+
+
+def test_the_help_lists_what_is_installed(installed: Path) -> None:
+    code = "from hypermap.cli.main import main; main(['experiment', '--help'])"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(installed), "COLUMNS": "100"},
+    )
+    assert "Installed methods: boxes, broken, gone, nothing, number, slow." in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("boxs", "--method boxs: no such method is installed; did you mean 'boxes'?; a config"),
+        (
+            "number",
+            "method 'number' (box_mapper:NUMBER): expected a MappingConfig, or a class",
+        ),
+        ("gone", "method 'gone' (box_mapper:Gone): cannot be loaded: AttributeError: "),
+    ],
+)
+@pytest.mark.usefixtures("installed")
+def test_what_is_no_method_is_said(word: str, message: str) -> None:
+    with pytest.raises(HypermapError) as error:
+        named_method(word)
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("broken", "method 'broken' (box_mapper:broken): cannot start: RuntimeError: no wheels"),
+        ("nothing", "method 'nothing' (box_mapper:nothing): its NoneType has no method add()"),
+    ],
+)
+@pytest.mark.usefixtures("installed")
+def test_a_method_that_cannot_start_is_named(word: str, message: str) -> None:
+    with pytest.raises(HypermapError) as error:
+        map_drive(drive(), dict([named_method(word)]))
+    assert str(error.value) == message
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        (None, FileMissing, "mine.yaml: there is no such configuration file"),
+        ("- a\n", FormatError, "mine.yaml: expected keys and values, found "),
+        (
+            "profile: thesiss\n",
+            FormatError,
+            "mine.yaml: profile: there is no profile 'thesiss';",
+        ),
+        ("evidence: {lose: 1}\n", FormatError, "mine.yaml: evidence.lose: unknown key; did you m"),
+    ],
+)
+def test_a_file_that_is_no_method_is_an_error_that_names_it(
+    text: str | None,
+    error: type[HypermapError],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if text is not None:
+        Path("mine.yaml").write_text(text)
+    with pytest.raises(error) as raised:
+        named_method("mine.yaml")
+    assert str(raised.value).startswith(message)
+
+
+def test_two_methods_have_two_names(tmp_path: Path) -> None:
+    file = tmp_path / "default.yaml"
+    file.write_text("")
+    with pytest.raises(HypermapError, match="there is a method 'default' already; rename it"):
+        chosen_methods("all", [str(file)])

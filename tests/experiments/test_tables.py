@@ -1,0 +1,78 @@
+"""Tables of results, as CSV, LaTeX and HTML."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+from hypermap.experiments.tables import (
+    Column,
+    Interval,
+    Table,
+    csv_of,
+    html_of,
+    latex_of,
+    save_tables,
+)
+
+TABLE = Table(
+    "lab-methods",
+    "R&D_lab: 50 % of <all>",
+    (
+        Column("method"),
+        Column("IoU", style="bar"),
+        Column("gain"),
+        Column("p", style="probability"),
+    ),
+    (
+        ("best & worst", 1 / 3, Interval(-0.126, -0.2, 0.05), 0.00004),
+        ("default", 0.9, None, None),
+    ),
+    ("default",),
+)
+
+
+def test_csv_has_all_digits_and_three_columns_for_an_interval() -> None:
+    head, first, second = csv.reader(io.StringIO(csv_of(TABLE)))
+    assert head == ["method", "IoU", "gain", "gain: low", "gain: high", "p"]
+    assert first[0] == "best & worst"
+    assert [float(cell) for cell in first[1:]] == [1 / 3, -0.126, -0.2, 0.05, 0.00004]
+    assert second == ["default", "0.9", "", "", "", ""]
+
+
+def test_latex_escapes_names_and_writes_minus_signs() -> None:
+    lines = latex_of(TABLE).splitlines()
+    assert r"\caption{R\&D\_lab: 50 \% of <all>}" in lines
+    assert r"\begin{tabular}{lrrr}" in lines
+    assert r"best \& worst & 0.33 & $-$0.13 ($-$0.20 to +0.05) & 4e-05 \\" in lines
+    assert r"\textbf{default} & \textbf{0.90} & \textbf{--} & \textbf{--} \\" in lines
+    assert [line for line in lines if "rule" in line] == [r"\toprule", r"\midrule", r"\bottomrule"]
+
+
+def test_html_escapes_names_and_has_bars() -> None:
+    page = html_of(TABLE)
+    assert "<caption>R&amp;D_lab: 50 % of &lt;all&gt;</caption>" in page
+    assert '<span class=bar style="width:2.00em"></span>0.33' in page
+    assert "<tr class=ours><td>default</td>" in page
+
+
+def test_some_columns_of_a_table_are_a_table() -> None:
+    assert TABLE.only("method", "p").rows == (("best & worst", 0.00004), ("default", None))
+
+
+def test_each_table_is_saved_as_csv_and_latex(tmp_path: Path) -> None:
+    folder = tmp_path / "tables"
+    save_tables([TABLE], folder)
+    save_tables([TABLE], folder)  # which is there now
+    assert (folder / "lab-methods.csv").read_text() == csv_of(TABLE)
+    assert (folder / "lab-methods.tex").read_text() == latex_of(TABLE)
+
+
+@pytest.mark.parametrize("sign", ["\\", "~", "^", "{", "#", "$"])
+def test_no_sign_means_anything_in_latex(sign: str) -> None:
+    table = Table("t", f"a{sign}b", (Column("c"),), ())
+    (caption,) = (line for line in latex_of(table).splitlines() if "caption" in line)
+    assert caption != rf"\caption{{a{sign}b}}"
