@@ -71,31 +71,33 @@ def colored_drive(seed: int, rate: float, every: int = 4) -> list[RgbdFrame]:
 
 
 @cache
-def _mapped() -> tuple[Hypermap, Trajectory]:
+def _mapped(begins: float) -> tuple[Hypermap, Trajectory]:
     config = profile("default")
     coarse = dataclasses.replace(config.occupancy, resolution=0.25)
     mapper = Mapper(dataclasses.replace(config, occupancy=coarse), detections_from_recording())
     mapper.embed_with(MeanColors())
     frames = colored_drive(7, 1.0, 8)[:_FRAMES]
     for frame in frames:
-        mapper.add(dataclasses.replace(frame, stamp=MONDAY + frame.stamp))
+        mapper.add(dataclasses.replace(frame, stamp=begins + frame.stamp))
     stamps, poses = mapper.logged_poses()
     poses[:, 0, 3] += 0.05
     return mapper.hypermap(), trajectory_of(stamps, poses)
 
 
-def full_map(version: int = 0) -> Hypermap:
+def full_map(version: int = 0, begins: float = MONDAY) -> Hypermap:
     """Return the first or the second version of the map, which differ in each of its parts.
+
+    Maps whose drives begin at other times [s] show other drives.
 
     It has a mapper's state with a log of frames, pictures and embeddings of objects, a history of
     two versions, a layer of measured values with their samples, and notes with files.
     """
-    hypermap = map_of_files(files_of_map(_mapped()[0]), "the mapped drive")
+    hypermap = map_of_files(files_of_map(_mapped(begins)[0]), "the mapped drive")
     layer = hypermap.semantic()
     number = int(layer.ids[version])
     layer.kept_pictures = {**layer.kept_pictures, number: (jpeg_picture("red", quality=0.9),)}
     layer.rename(number, f"changed {version}")
-    hypermap = grown(hypermap, MONDAY + 100 + version)
+    hypermap = grown(hypermap, begins + 100 + version)
     warmth = ValueLayer(
         "warmth",
         "map",
@@ -115,7 +117,7 @@ def full_map(version: int = 0) -> Hypermap:
                 shapely.box(0, 0, 1 + number, 1) if number else shapely.Point(1, 2),
                 f"# Loose tile {number}\nSee [there](https://example.org).",
                 "Ada",
-                datetime.fromtimestamp(MONDAY + number, timezone.utc),
+                datetime.fromtimestamp(begins + number, timezone.utc),
                 tuple(attached if number else attached[:1]),
                 ("https://example.org/a",),
             ),
@@ -125,4 +127,4 @@ def full_map(version: int = 0) -> Hypermap:
 
 def corrected_trajectory() -> Trajectory:
     """Return better poses for the frames of the map."""
-    return _mapped()[1]
+    return _mapped(MONDAY)[1]

@@ -44,6 +44,8 @@ TARGETS = {
     "tools": "asked",
     "questions": "asked",
     "poses": "asked",
+    "commands": "commands",
+    "job_files": "commands",
     "spool": "asked",
     "store_api": "asked",
 }

@@ -229,3 +229,22 @@ def test_fuzzing_tells_what_is_ours_from_what_is_not(
     assert bool(found) == (what is not None)
     kept = [path.read_bytes() for path in tmp_path.glob("*.input")]
     assert kept == ([b"wrong"] if what else [])
+
+
+@pytest.mark.parametrize("leaks", [True, False])
+def test_arrays_that_comparisons_give_are_freed(leaks: bool) -> None:
+    import ctypes
+
+    from campaign.fuzz_worker import without_leak
+
+    def compare(left, right, *_: object):
+        found = left == right
+        if leaks:
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(found))
+        return found
+
+    mended = without_leak(compare)
+    found = mended(np.zeros(3), 0.0, 2, 0, True)
+    assert sys.getrefcount(found) == 2  # the name and the argument
+    assert mended(1, 1, 2, 0, False) is True
+    assert (mended is compare) != leaks

@@ -47,6 +47,15 @@ def test_intrinsics_become_a_camera() -> None:
             "intrinsics must be finite numbers, got (1, nan, 3, 4)",
         ),
         (
+            {"intrinsics": (10**400, 1, 3, 4)},
+            f"intrinsics must be finite numbers, got ({10**400}, 1, 3, 4)",
+        ),
+        (
+            {"map_T_world": [10**400] * 6},
+            "map_T_world must be numbers: int too large to convert to float",
+        ),
+        ({"depth_scale": 10**400}, f"depth_scale must be positive, got {10**400}"),
+        (
             {"intrinsics": (1, 0, 3, 4)},
             "intrinsics: the focal lengths must be positive, got (1, 0)",
         ),

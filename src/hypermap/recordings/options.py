@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -81,7 +81,7 @@ class RecordingOptions:
         for name in ("color_intrinsics", "color_T_depth"):
             if getattr(self, name) is not None and not self.register:
                 raise ValueError(f"{name} is for registering depth to color: give register, too")
-        if self.depth_scale is not None and not 0 < self.depth_scale < math.inf:
+        if self.depth_scale is not None and not 0 < self.depth_scale <= sys.float_info.max:
             raise ValueError(f"depth_scale must be positive, got {self.depth_scale}")
         if self.rotate not in (0, 90, 180, 270):
             raise ValueError(f"rotate must be 0, 90, 180 or 270 degrees, got {self.rotate}")
@@ -177,7 +177,7 @@ def _row_by_row(name: str, numbers: ArrayLike) -> tuple[float, ...]:
     """Return the numbers of a pose, which may be a matrix."""
     try:
         array = np.asarray(numbers, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name} must be numbers: {error}") from None
     if array.ndim > 1 and array.shape != (4, 4):
         raise ValueError(f"{name} must be a 4 x 4 matrix, got one of shape {array.shape}")
@@ -188,5 +188,5 @@ def _check_numbers(name: str, numbers: Sequence[float], meanings: dict[int, str]
     if len(numbers) not in meanings:
         expected = " or ".join(f"{n} numbers ({what})" for n, what in meanings.items())
         raise ValueError(f"{name} must be {expected}, got {len(numbers)}")
-    if not all(math.isfinite(number) for number in numbers):
+    if not all(abs(number) <= sys.float_info.max for number in numbers):  # false for NaN
         raise ValueError(f"{name} must be finite numbers, got {tuple(numbers)}")

@@ -153,7 +153,7 @@ def _check_keys(values: Mapping[str, Any], path: Path, place: str, known: Sequen
 
 
 def _job(entry: Any, common: Mapping[str, Any], folder: Path, path: Path, place: str) -> Job:
-    if not isinstance(entry, dict) or "recording" not in entry:
+    if not isinstance(entry, dict) or entry.get("recording") is None:
         raise FormatError("expected `recording: PATH` and other keys", path=path, key=place)
     _check_keys(entry, path, place, _KEYS)
     values = {**common, **entry}
@@ -162,6 +162,8 @@ def _job(entry: Any, common: Mapping[str, Any], folder: Path, path: Path, place:
             raise FormatError(
                 f"expected a text, found {values[key]!r}", path=path, key=f"{place}: {key}"
             )
+        if values.get(key) is not None:
+            _check_name(folder / values[key], path, f"{place}: {key}")
     if not isinstance(values.get("objects", True), bool):
         raise FormatError("expected true or false", path=path, key=f"{place}: objects")
     paths = {key: folder / values[key] for key in _PATHS if values.get(key) is not None}
@@ -182,6 +184,16 @@ def _job(entry: Any, common: Mapping[str, Any], folder: Path, path: Path, place:
         map=paths.get("map"),
         truth=paths.get("truth") or (own_truth if own_truth.is_file() else None),
     )
+
+
+def _check_name(named: Path, path: Path, key: str) -> None:
+    """Refuse what no file can be called, such as 300 letters; that it is missing shows later."""
+    try:
+        named.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except (OSError, ValueError) as error:
+        raise FormatError(f"no file can have this name: {error}", path=path, key=key) from None
 
 
 def _config(values: Mapping[str, Any], file: Path | None, path: Path, place: str) -> MappingConfig:
