@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from hypermap.core.arrays import BoolArray, FloatArray
 from hypermap.core.errors import HypermapError
@@ -113,10 +113,10 @@ class Field:
         shape = np.ceil(extent / resolution).astype(int)[::-1] + 1
         occupied = _raster(scan.occupied_xy, low, resolution, shape)
         known = occupied | _raster(scan.free_xy, low, resolution, shape)
-        known = ndimage.binary_closing(
+        known = scipy.ndimage.binary_closing(
             known, np.ones((3, 3), dtype=bool)
         )  # rotated cells leave holes
-        distance = ndimage.distance_transform_edt(~occupied) * resolution
+        distance = scipy.ndimage.distance_transform_edt(~occupied) * resolution
         return cls(low, resolution, distance.astype(np.float32), known)
 
     def at(self, points_xy: FloatArray) -> tuple[FloatArray, BoolArray]:

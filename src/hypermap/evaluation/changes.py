@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import HypermapError, did_you_mean
@@ -258,5 +258,5 @@ def _shapes(objects: Sequence[SemanticObject]) -> list[BaseGeometry]:
 
 
 def _assigned(cost: NDArray[np.float64]) -> list[tuple[int, int]]:
-    rows, cols = linear_sum_assignment(cost)
+    rows, cols = scipy.optimize.linear_sum_assignment(cost)
     return list(zip(rows.tolist(), cols.tolist(), strict=True))

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import as_objects
@@ -59,7 +59,9 @@ def match_objects(
             [estimate[i].footprint for i in found], [ground_truth[j].footprint for j in true]
         )
         iou[iou < min_iou] = 0
-        rows, cols = linear_sum_assignment(iou + _PER_PAIR * (iou > 0), maximize=True)
+        rows, cols = scipy.optimize.linear_sum_assignment(
+            iou + _PER_PAIR * (iou > 0), maximize=True
+        )
         matches += [
             Match(found[row], true[col], float(iou[row, col]))
             for row, col in zip(rows, cols, strict=True)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
+import scipy
 import shapely
-from scipy.optimize import linear_sum_assignment
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.history import ADDED, GONE, MOVED, Change
@@ -243,7 +243,7 @@ def _pairs(true: Sequence[WorldChange], said: Sequence[Change]) -> list[tuple[in
     if not true or not said:
         return []
     cost = np.array([[_cost(one, other) for other in said] for one in true])
-    rows, cols = linear_sum_assignment(cost)
+    rows, cols = scipy.optimize.linear_sum_assignment(cost)
     pairs = zip(rows.tolist(), cols.tolist(), strict=True)
     return [(i, j) for i, j in pairs if cost[i, j] <= _NEAR]
 

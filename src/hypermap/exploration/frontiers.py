@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.core.frames import Pose2D
@@ -107,7 +107,7 @@ def pieces(cells: BoolArray, least: int, longest: float) -> Iterator[IntArray]:
     Source: halving along the main axis is that of Zhou, Zhang, Chen, Shen, "FUEL: Fast UAV
     exploration using incremental frontier structure and hierarchical planning", RA-L 2021.
     """
-    labels, _ = ndimage.label(cells, np.ones((3, 3)))
+    labels, _ = scipy.ndimage.label(cells, np.ones((3, 3)))
     rows, cols = np.nonzero(cells)
     owners = labels[rows, cols]
     large = np.bincount(owners)[owners] >= least

@@ -17,8 +17,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.mapping.consistency import Agreement
@@ -195,8 +195,8 @@ class _Borders:
         is_free = (part >= 0) & (part < _MOST_OCCUPIED)
         if is_free.all() or not is_free.any() or min(part.shape) < 2:
             return None
-        free_side = ndimage.distance_transform_edt(is_free)
-        far_side = ndimage.distance_transform_edt(~is_free)
+        free_side = scipy.ndimage.distance_transform_edt(is_free)
+        far_side = scipy.ndimage.distance_transform_edt(~is_free)
         # The border lies half a cell before the centers of the first cells beyond it, and what
         # made these cells occupied lies half a cell behind the border in the mean.
         distances = np.where(is_free, free_side, 1 - far_side) * grid.resolution

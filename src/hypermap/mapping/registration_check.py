@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from hypermap.core.arrays import IntArray
 from hypermap.core.errors import HypermapError
@@ -183,7 +183,7 @@ def _sample(frame: RgbdFrame, color: NDArray[np.uint8], rng: np.random.Generator
     gray = color[::step, ::step].astype(np.float32).sum(axis=2)
     edges = []
     for axis in (1, 0):
-        slope = np.abs(ndimage.gaussian_filter(gray, _BLUR, order=(1 - axis, axis)))
+        slope = np.abs(scipy.ndimage.gaussian_filter(gray, _BLUR, order=(1 - axis, axis)))
         strong = float(np.percentile(slope, _STRONG))
         if strong == 0:
             return None

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, PointsLike, as_point_xy
@@ -211,7 +211,7 @@ def _cost(blocked: BoolArray, resolution: float, settings: PathSettings) -> NDAr
     reach = max(settings.robot_radius, settings.inflation_radius)
     if reach == 0 or not blocked.any():
         return np.where(blocked, np.float32(np.inf), np.float32(1))
-    far = ndimage.distance_transform_edt(~blocked) * resolution
+    far = scipy.ndimage.distance_transform_edt(~blocked) * resolution
     cost = np.ones(blocked.shape, dtype=np.float32)
     too_near = far <= settings.robot_radius + _ROUNDING
     near = ~too_near & (far <= settings.inflation_radius)

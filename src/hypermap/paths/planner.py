@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray, PointsLike, as_point_xy
@@ -281,7 +281,7 @@ class Planner:
         rows, cols = np.divmod(cells, self.space.grid.width)
         row, col = (max(0, int(each.min()) - _ROOM_TO_MOVE) for each in (rows, cols))
         part = self.space.free[row : rows.max() + _ROOM_TO_MOVE, col : cols.max() + _ROOM_TO_MOVE]
-        far = ndimage.distance_transform_edt(np.pad(part, 1))[1:-1, 1:-1]
+        far = scipy.ndimage.distance_transform_edt(np.pad(part, 1))[1:-1, 1:-1]
         return np.asarray(far[rows - row, cols - col])
 
     def _facing(self, cell: int, item: FoundObject) -> Pose2D:

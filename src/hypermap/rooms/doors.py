@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.spatial import cKDTree
 from shapely.geometry import LineString
 
 from hypermap.core.arrays import BoolArray, FloatArray, IntArray
@@ -46,7 +45,7 @@ def doors_between(
     far = _distances(row, col, np.pad(walls, 1, constant_values=True))
     border = np.zeros(labels.shape, dtype=bool)
     border[row, col] = True
-    groups, _ = ndimage.label(border, np.ones((3, 3)))
+    groups, _ = scipy.ndimage.label(border, np.ones((3, 3)))
     key = np.column_stack([np.concatenate(pairs), groups[row, col]])
     found, which = np.unique(key, axis=0, return_inverse=True)
     ends = np.concatenate(places).astype(np.float64)
@@ -71,9 +70,9 @@ def _distances(row: IntArray, col: IntArray, walls: BoolArray) -> FloatArray:
         col: likewise.
         walls: with one more cell on each side.
     """
-    borders = walls & ndimage.binary_dilation(~walls)
+    borders = walls & scipy.ndimage.binary_dilation(~walls)
     cells = np.column_stack([row, col]) + 1  # as the walls count them
-    return np.asarray(cKDTree(np.argwhere(borders)).query(cells)[0])
+    return np.asarray(scipy.spatial.cKDTree(np.argwhere(borders)).query(cells)[0])
 
 
 def _straight(points: FloatArray) -> FloatArray:

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, FloatArray, IntArray
@@ -120,8 +120,8 @@ class _Found:
 
 def _without_obstacles(blocked: BoolArray, largest: float) -> BoolArray:
     """Return blocked cells without the groups that are smaller, in cells, and touch no border."""
-    groups, _ = ndimage.label(blocked, np.ones((3, 3)))
-    boxes = ndimage.find_objects(groups)
+    groups, _ = scipy.ndimage.label(blocked, np.ones((3, 3)))
+    boxes = scipy.ndimage.find_objects(groups)
     small = np.zeros(len(boxes) + 1, dtype=bool)
     height, width = blocked.shape
     for number, (rows, cols) in enumerate(boxes, start=1):
@@ -139,8 +139,8 @@ def _without_rays(blocked: BoolArray, side: float) -> BoolArray:
     """
     thick = 2 * round(_RAY / 2 / side) + 1
     corner = 2 * round(_CORNER / side)
-    wide = ndimage.minimum_filter(~blocked, thick, mode="constant", cval=0)
-    return blocked | ~ndimage.maximum_filter(wide, thick + corner, mode="constant", cval=0)
+    wide = scipy.ndimage.minimum_filter(~blocked, thick, mode="constant", cval=0)
+    return blocked | ~scipy.ndimage.maximum_filter(wide, thick + corner, mode="constant", cval=0)
 
 
 def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.int32]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from scipy import ndimage
+import scipy
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray
@@ -52,8 +52,8 @@ def _cleared(free: BoolArray, seen: BoolArray, outline: BaseGeometry, grid: Grid
     inside = np.zeros(free[window].shape, dtype=bool)
     inside[rows - window[0].start, cols - window[1].start] = True
     around = free[window] & ~inside
-    parts, _ = ndimage.label(around)
-    beside = ndimage.binary_dilation(inside, _EVERYWHERE) & around
+    parts, _ = scipy.ndimage.label(around)
+    beside = scipy.ndimage.binary_dilation(inside, _EVERYWHERE) & around
     if len(np.unique(parts[beside])) != 1 or not seen[window][beside].any():
         return False
     free[window] |= inside

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from shapely.geometry import Polygon
 
 from hypermap.core.arrays import ObjectArray
@@ -42,7 +42,7 @@ def openings(area: Polygon, tolerance: float, longest: float, wall: float) -> ND
     corners, walls, lengths = _corners(smooth)
     if len(corners) < 2:
         return nothing
-    pairs = cKDTree(corners).query_pairs(longest, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(corners).query_pairs(longest, output_type="ndarray")
     if not len(pairs):
         return nothing
     pairs = np.sort(pairs, axis=1)

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray
@@ -22,7 +22,7 @@ CONTRACTION = 0.8
 
 def clearance(blocked: BoolArray) -> NDArray[np.float32]:
     """Return the distance of each cell's center to the nearest blocked one's, in cells."""
-    return ndimage.distance_transform_edt(~blocked).astype(np.float32)
+    return scipy.ndimage.distance_transform_edt(~blocked).astype(np.float32)
 
 
 def basins(far: NDArray[np.float32], widest: float) -> NDArray[np.int32]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage, special
 
 from hypermap.core.arrays import BoolArray
 from hypermap.simulation.ranges import check_not_negative, check_shares
@@ -233,8 +233,8 @@ def _beside_jump(depth: Depth) -> BoolArray:
 
 def _between(depth: Depth, rng: np.random.Generator) -> Depth:
     """Return a depth for each pixel between the nearest and farthest of its 3 x 3 neighbors."""
-    near = ndimage.minimum_filter(np.nan_to_num(depth, nan=np.inf), 3)
-    far = ndimage.maximum_filter(np.nan_to_num(depth, nan=-np.inf), 3)
+    near = scipy.ndimage.minimum_filter(np.nan_to_num(depth, nan=np.inf), 3)
+    far = scipy.ndimage.maximum_filter(np.nan_to_num(depth, nan=-np.inf), 3)
     share = rng.random(depth.shape, dtype=np.float32)
     with np.errstate(invalid="ignore"):  # nothing is near where nothing was hit
         return np.asarray(near + share * (far - near), dtype=np.float32)
@@ -244,13 +244,13 @@ def _smooth_noise(shape: tuple[int, ...], length: float, rng: np.random.Generato
     """Return noise with a standard deviation of 1 that is alike within about `length` pixels."""
     sigma = length / 2
     white = rng.standard_normal(shape, dtype=np.float32)
-    smooth = ndimage.gaussian_filter(white, sigma, mode="wrap", truncate=3)
+    smooth = scipy.ndimage.gaussian_filter(white, sigma, mode="wrap", truncate=3)
     return np.asarray(smooth * np.float32(2 * math.sqrt(math.pi) * sigma), dtype=np.float32)
 
 
 def _quantile(share: float) -> float:
     """Return below which number a share of normal deviates lies."""
-    return float(special.ndtri(share))
+    return float(scipy.special.ndtri(share))
 
 
 EXACT_DEPTH = DepthNoise(axial=0, disparity_step=0, edge_loss=0, max_incidence_deg=90)

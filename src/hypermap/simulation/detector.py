@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from hypermap.core.arrays import BoolArray
 from hypermap.perception.detections import Detections
@@ -211,7 +211,7 @@ class NoisyDetector:
         for mask, index in zip(masks, found, strict=False):
             mask[:] = instances == index
             if self._noise.mask_margin:
-                mask[:] = ndimage.binary_dilation(mask, iterations=self._noise.mask_margin)
+                mask[:] = scipy.ndimage.binary_dilation(mask, iterations=self._noise.mask_margin)
         masks[len(found) :] = _filled(nonsense, *instances.shape)
         return masks
 
@@ -246,7 +246,7 @@ def _filled(boxes: Iterable[NDArray[np.floating[Any]]], height: int, width: int)
 def visible_boxes(instances: NDArray[np.int32], count: int) -> NDArray[np.float64]:
     """Return xmin, ymin, xmax, ymax of each object's pixels, shape (count, 4); zeros if none."""
     boxes = np.zeros((count, 4))
-    for i, place in enumerate(ndimage.find_objects(instances + 1, max_label=count)):
+    for i, place in enumerate(scipy.ndimage.find_objects(instances + 1, max_label=count)):
         if place is not None:
             rows, cols = place
             boxes[i] = cols.start, rows.start, cols.stop, rows.stop

@@ -13,9 +13,9 @@ import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
@@ -175,7 +175,7 @@ class _HitMap:
         is_occupied = self._is_occupied()[rows, cols]
         if not is_occupied.any() or len(points) == 0:
             return guess
-        distances = ndimage.distance_transform_edt(~is_occupied) * RESOLUTION
+        distances = scipy.ndimage.distance_transform_edt(~is_occupied) * RESOLUTION
         slopes = np.gradient(distances, RESOLUTION)
         pose = guess.copy()
         corner = np.array([rows.start, cols.start])
@@ -183,7 +183,7 @@ class _HitMap:
             turned = points @ _rotation(pose[2]).T
             places = self._places(turned + pose[:2]) - corner[:, np.newaxis]
             at = [
-                ndimage.map_coordinates(one, places, order=1, cval=_NEAR)
+                scipy.ndimage.map_coordinates(one, places, order=1, cval=_NEAR)
                 for one in (distances, slopes[1], slopes[0])
             ]
             distance, slope = at[0], np.column_stack(at[1:])

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from hypermap._loops import loop
 from hypermap.core.arrays import IntArray
@@ -169,7 +169,7 @@ def _near(grid: NDArray[np.float32]) -> Cells:
     """Return how near each cell is to an occupied one, 0..255."""
     if not grid.any():
         return np.zeros(grid.shape, np.uint8)
-    distance = ndimage.distance_transform_edt(grid == 0)
+    distance = scipy.ndimage.distance_transform_edt(grid == 0)
     return np.asarray(255 * np.exp(-0.5 * (distance / _SPREAD) ** 2)).astype(np.uint8)
 
 

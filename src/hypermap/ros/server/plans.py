@@ -12,11 +12,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hypermap import paths
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.masks import Zone
-from hypermap.paths import PathSettings, Planner
 from hypermap.ros.messages.replies import plan_reply
 from hypermap.ros.port import Message, Parameter, Port, Value
 from hypermap.ros.server.current_map import CurrentMap
@@ -67,10 +67,10 @@ class Plans:
         self._port = port
         self._current = current
         self._requests = requests
-        self._settings = PathSettings()
+        self._settings = paths.PathSettings()
         self._keepout: tuple[Zone, ...] = ()
         self._layer: str | None = None
-        self._planner: tuple[Hypermap, Planner] | None = None
+        self._planner: tuple[Hypermap, paths.Planner] | None = None
         self._lock = threading.Lock()
 
     def set(self, values: Mapping[str, Value]) -> None:
@@ -113,17 +113,19 @@ class Plans:
         poses = _poses(points, planner.space.grid.resolution, goal.yaw)
         return plan_reply(self._port, poses, hypermap.base_frame, self._port.now())
 
-    def _planner_of(self, hypermap: Hypermap) -> Planner:
+    def _planner_of(self, hypermap: Hypermap) -> paths.Planner:
         with self._lock:
             if self._planner is None or self._planner[0] is not hypermap:
-                made = Planner(
+                made = paths.Planner(
                     hypermap, self._settings, keepout=self._keepout, occupancy=self._layer
                 )
                 self._planner = hypermap, made
             return self._planner[1]
 
 
-def _points(planner: Planner, start: Pose2D, goal: Pose2D, tolerance: float) -> NDArray[np.float64]:
+def _points(
+    planner: paths.Planner, start: Pose2D, goal: Pose2D, tolerance: float
+) -> NDArray[np.float64]:
     """Return the path, shape (N, 2), to the goal or to what can be reached nearest to it.
 
     Args:

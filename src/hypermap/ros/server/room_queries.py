@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from hypermap import rooms
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.paths.places import Places
-from hypermap.rooms import RoomSettings, is_reachable, room_of, rooms_of_map, rooms_with, with_rooms
 from hypermap.rooms.rooms import Room, rooms_on
 from hypermap.ros.messages.room_messages import door_message, room_message
 from hypermap.ros.port import Message, Port
@@ -28,17 +28,17 @@ class RoomQueries:
         """Answer `hypermap_msgs/FindRooms`: the rooms become a layer of the map."""
         settings = _settings(request)
         before = self._current.hypermap
-        found = rooms_of_map(before, settings, occupancy=request.layer or None)
+        found = rooms.rooms_of_map(before, settings, occupancy=request.layer or None)
         if not len(found):
             raise HypermapError("no place is as large as least_area")
-        self._current.put(lambda hypermap: with_rooms(hypermap, found)[ROOMS])
+        self._current.put(lambda hypermap: rooms.with_rooms(hypermap, found)[ROOMS])
         hypermap = self._current.hypermap
-        rooms = rooms_on(hypermap)
-        doors = [] if rooms is None else rooms.doors
+        layer = rooms_on(hypermap)
+        doors = [] if layer is None else layer.doors
         return self._answer(
             "FindRooms",
             hypermap,
-            [] if rooms is None else rooms.rooms,
+            [] if layer is None else layer.rooms,
             doors=[door_message(door, self._port) for door in doors],
         )
 
@@ -47,18 +47,18 @@ class RoomQueries:
         hypermap = self._current.hypermap
         what = str(request.object).strip()
         item = Places(hypermap).object(int(what) if what.isdecimal() else what)
-        room = room_of(hypermap, item)
+        room = rooms.room_of(hypermap, item)
         return self._answer("GetRoomOf", hypermap, [] if room is None else [room])
 
     def rooms_with(self, request: Message) -> Message:
         """Answer `hypermap_msgs/GetRoomsWith`."""
         hypermap = self._current.hypermap
-        return self._answer("GetRoomsWith", hypermap, rooms_with(hypermap, str(request.name)))
+        return self._answer("GetRoomsWith", hypermap, rooms.rooms_with(hypermap, str(request.name)))
 
     def is_reachable(self, request: Message) -> Message:
         """Answer `hypermap_msgs/IsRoomReachable`."""
         start, goal, radius = str(request.start), str(request.goal), float(request.robot_radius)
-        reachable = is_reachable(self._current.hypermap, start, goal, radius)
+        reachable = rooms.is_reachable(self._current.hypermap, start, goal, radius)
         response = self._port.response(f"{_MSGS}/IsRoomReachable")
         return response(success=True, message="", reachable=reachable)
 
@@ -74,7 +74,7 @@ class RoomQueries:
         )
 
 
-def _settings(request: Message) -> RoomSettings:
+def _settings(request: Message) -> rooms.RoomSettings:
     """Return the settings of a request; what is 0 is the default.
 
     Raises:
@@ -83,6 +83,6 @@ def _settings(request: Message) -> RoomSettings:
     names = ("least_area", "widest_door", "widest_opening")
     given = {name: float(value) for name in names if (value := getattr(request, name)) != 0}
     try:
-        return RoomSettings(**given)
+        return rooms.RoomSettings(**given)
     except ValueError as error:
         raise HypermapError(str(error)) from None

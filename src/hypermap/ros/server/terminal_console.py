@@ -6,13 +6,16 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING
 
 from hypermap.console.commands import Console, Leave
-from hypermap.console.prompt import Prompt
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.ros.port import Port, Value
 from hypermap.ros.server.current_map import CurrentMap
+
+if TYPE_CHECKING:
+    from hypermap.console.prompt import Prompt
 
 _PATIENCE = 5.0  # s for a command to end when the node ends
 
@@ -40,6 +43,8 @@ class TerminalConsole:
         """Start to listen to the terminal; afterwards, let the Tab key offer the new layers."""
         self._completed.hypermap = hypermap
         if self._prompt is None and has_terminal():
+            from hypermap.console.prompt import Prompt  # which most nodes never need
+
             self._prompt = Prompt(self._completed)
             self._thread.start()
 
