@@ -7,33 +7,24 @@ both profiles.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Collection, Mapping
-from typing import Any
 
-import numpy as np
 import shapely
-from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.embeddings import Embedding, Embeddings
-from hypermap.core.objects import ObjectTable
+from hypermap.core.embeddings import Embedding
 from hypermap.core.pictures import ObjectPicture
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.history.differences import MOVE
 from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.by_hand import HandEdit
-from hypermap.mapping.class_posterior import one_class_per_place
 from hypermap.mapping.class_sizes import is_usual
-from hypermap.mapping.completion import FreeShare, completed
+from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.evidence_buffer import Evidence, evidence_from
-from hypermap.mapping.evidence_table import lazy_evidence_table
 from hypermap.mapping.footprint_iou import at_same_height, footprint_ious
-from hypermap.mapping.fusion import FUSIONS, votes
-from hypermap.mapping.landmarks import landmark_moves
+from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.missed_detections import penalize_missed, prune
 from hypermap.mapping.moved import CONFIRMED, GONE, find_moves, moved_within_place
 from hypermap.mapping.protection import protected
+from hypermap.mapping.published import PublishedTracks
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable
@@ -42,7 +33,6 @@ from hypermap.perception.observation import Observation, ObservedObject
 _log = logging.getLogger(__name__)
 
 _SAME_PLACE = 0.5  # Jaccard index of published footprints from which two tracks are one object
-_SURE = 4.0  # existence at which an object is there with a probability of 1 - 1/e; measured
 _CO_OCCURRENCE_SHARE = 0.2  # share of a track's frames that also show another: then they are two
 
 
@@ -76,7 +66,7 @@ class EvidenceMap:
 
     def __len__(self) -> int:
         """Return how many objects are published."""
-        return len(self._published_rows())
+        return len(self._as_published().rows())
 
     def update(self, observation: Observation) -> None:
         """Add one frame. If that fails, the map stays as it was.
@@ -119,6 +109,9 @@ class EvidenceMap:
             self._note_gone(observation.stamp)
             self._follow_moves()
 
+    def _as_published(self) -> PublishedTracks:
+        return PublishedTracks(self._tracks, self.config, self.is_free, self._edited)
+
     def tracks(self) -> TrackTable:
         """Return all tracks as they are now; later frames do not change them."""
         return self._tracks.snapshot()
@@ -140,7 +133,7 @@ class EvidenceMap:
 
     def hand_edits(self) -> dict[int, HandEdit]:
         """Return what people have done to objects, by their ids."""
-        return {t.id: t.by_hand for t in self._tracks.objects if t.by_hand is not None}
+        return self._tracks.hand_edits()
 
     def objects(self, ids: Collection[int] | None = None) -> list[SemanticObject]:
         """Return the objects with enough existence, in the order of their ids.
@@ -151,29 +144,14 @@ class EvidenceMap:
             ids: which of them; None for all. Only where all are asked for are objects landmarks
                 for each other (`landmarks`), and is there one class for each place (`slip`).
         """
-        rows = self._published_rows()
-        if ids is not None:
-            return [self._published(row) for row in rows if self._tracks.objects[row].id in ids]
-        tracks = self._tracks.objects
-        if self.config.landmarks and self.config.fusion == "votes":
-            shifts = landmark_moves([track.buffer for track in tracks])
-            found = [self._published(row, shifts[row]) for row in rows]
-        else:
-            found = [self._published(row) for row in rows]
-        if self.config.slip >= 1:
-            return found
-        return one_class_per_place(found, self.config.slip, self.hand_edits())
+        return self._as_published().objects(ids)
 
     def summary(self) -> list[tuple[int, int, float]]:
         """Return id, number of pieces of evidence and existence of each object of `objects`.
 
         This is cheap. An object's shape changes only when its evidence does.
         """
-        objects, existence = self._tracks.objects, self._tracks.existence
-        return [
-            (objects[row].id, objects[row].buffer.count, float(existence[row]))
-            for row in self._published_rows()
-        ]
+        return self._as_published().summary()
 
     def layer(
         self, name: str = "semantic", frame_id: str = "map", is_final: bool = True
@@ -186,17 +164,7 @@ class EvidenceMap:
             is_final: whether objects are landmarks for each other (`landmarks`); if not, it is
                 quicker, as only shapes whose evidence has changed are made again.
         """
-        objects = self.objects(None if is_final else {number for number, _, _ in self.summary()})
-        ids = {item.id for item in objects}
-        kept = {o.id: tuple(o.buffer.items) for o in self._tracks.objects if o.id in ids}
-        table, evidence = ObjectTable.of(objects), lazy_evidence_table(kept)
-        next_id = self._tracks.next_id
-        layer = SemanticLayer.of_table(name, frame_id, table, evidence=evidence, next_id=next_id)
-        pictures = {track.id: track.buffer.pictures for track in self._tracks.objects}
-        layer.kept_pictures = {n: kept for n, kept in pictures.items() if kept and n in ids}
-        looks = {t.id: t.buffer.embedding for t in self._tracks.objects if t.id in ids}
-        layer.kept_embeddings = Embeddings.of({n: e for n, e in looks.items() if e is not None})
-        return layer
+        return self._as_published().layer(name, frame_id, is_final)
 
     def evidence(self, object_id: int) -> tuple[Evidence, ...]:
         """Return the evidence that is kept for an object, oldest first.
@@ -366,7 +334,7 @@ class EvidenceMap:
         heights = [self._tracks.objects[one].buffer.heights() for one in (row, match)]
         if not at_same_height(*heights):
             return False
-        one, other = self._footprint(row), self._footprint(match)
+        one, other = map(self._as_published().footprint, (row, match))
         shared = shapely.area(shapely.intersection(one, other))
         return bool(shared >= _SAME_PLACE * (one.area + other.area - shared))
 
@@ -434,62 +402,3 @@ class EvidenceMap:
         if track.id not in self._touched:
             self._touched[track.id] = track, track.copy()
         return track
-
-    def _published_rows(self) -> list[int]:
-        is_published = self._tracks.existence > self.config.publish_above
-        if self._edited:
-            edits = [track.by_hand for track in self._tracks.objects]
-            is_published |= [edit is not None for edit in edits]
-            is_published &= [edit is None or not edit.is_deleted for edit in edits]
-        rows: list[int] = np.flatnonzero(is_published).tolist()
-        return rows
-
-    def _published(self, row: int, shifts: NDArray[np.float64] | None = None) -> SemanticObject:
-        """Return a track as users of the map see it, its footprints moved by `shifts`."""
-        track = self._tracks.objects[row]
-        buffer, edit = track.buffer, track.by_hand
-        if edit is not None and edit.drawn is not None:
-            return edit.drawn
-        z_min, z_max = buffer.heights()
-        attributes: dict[str, Any] = {"evidence": buffer.count, "z_min": z_min, "z_max": z_max}
-        if track.moved is not None:
-            attributes[MOVE] = {"confidence": round(track.moved, 3)}
-        found = SemanticObject(
-            name=track.name,
-            footprint=self._footprint(row, shifts),
-            id=track.id,
-            tags=(track.name,),
-            confidence=(self._confidence(row),),
-            existence=float(self._tracks.existence[row]),
-            first_seen=buffer.first_seen,
-            last_seen=buffer.last_seen,
-            attributes=attributes,
-        )
-        return found if edit is None else edit.applied_to(found)
-
-    def _confidence(self, row: int) -> float:
-        """Return how sure it is that a track is an object: a probability, by its existence."""
-        buffer = self._tracks.objects[row].buffer
-        if self.config.confidence == "score":
-            return buffer.score_sum / buffer.count
-        return -math.expm1(-max(float(self._tracks.existence[row]), 0.0) / _SURE)
-
-    def _footprint(self, row: int, shifts: NDArray[np.float64] | None = None) -> BaseGeometry:
-        """Return a track's footprint as it is published.
-
-        Args:
-            row: of the track.
-            shifts: by how much its evidence is moved first [m], shape (N, 2); None for not.
-        """
-        track = self._tracks.objects[row]
-        # The stale shape stays: a question must not change the map.
-        if shifts is not None and shifts.any():
-            fused = votes(track.buffer, self.config, shifts)
-        elif track.pending > 0:
-            fused = self._fuse(track.buffer, self.config)
-        else:
-            fused = self._tracks.shapes.polygons[row]
-        if self.config.completion != "class_depth":
-            return fused.geometry
-        cameras_xy = np.array([item.map_T_camera[:2, 3] for item in track.buffer.items])
-        return completed(fused.geometry, track.name, cameras_xy, self.is_free)

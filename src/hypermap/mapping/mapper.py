@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 import logging
-import re
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap._version import __version__
 from hypermap.core.errors import HypermapError
-from hypermap.core.history import MAP_ID, MAP_VERSION, History, Mapped
+from hypermap.core.history import History, Mapped
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.core.trajectory import Trajectory
-from hypermap.formats.backup import BY_HAND
 from hypermap.mapping.alignment import Aligner
-from hypermap.mapping.by_hand import ids_by_edit
 from hypermap.mapping.completion import free_share
-from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.correcting import Correction, corrected_poses, map_again
 from hypermap.mapping.counts import Counts
-from hypermap.mapping.drives import Drive, EarlierDrives, map_id, wall_clock
+from hypermap.mapping.drives import Drive, EarlierDrives, wall_clock
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, packed_frame
 from hypermap.mapping.going_on import (
@@ -40,7 +35,9 @@ from hypermap.mapping.going_on import (
     state_of,
 )
 from hypermap.mapping.keyframes import KeyframeSelector
+from hypermap.mapping.left_out import LeftOutFrames
 from hypermap.mapping.looks import embed_objects
+from hypermap.mapping.map_metadata import made_metadata
 from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
@@ -87,7 +84,6 @@ class Mapper:
         config: how it is done.
         counts: what became of the frames so far, without those of earlier drives.
         evidence: the objects and the evidence for them.
-        first_reason: why the first frame was skipped as unusable; empty if none was.
         surplus: detections dropped so far, because their frames had too many.
         watch: called after each mapped frame; None for no observer.
         embedder: encodes what frames show of objects; None to keep the embeddings that there are.
@@ -121,7 +117,6 @@ class Mapper:
         self.counts = Counts()
         is_free = None if occupancy is None else partial(free_share, occupancy)
         self.evidence = EvidenceMap(config.evidence, is_free)
-        self.first_reason = ""
         self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
         self.embedder: Embedder | None = None
@@ -133,7 +128,7 @@ class Mapper:
         self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
         self._frame_id = frame_id
         self._occupancy = OccupancyMapper(config.occupancy)
-        self._left_out: Counter[str] = Counter()  # by what the reasons have in common
+        self._left_out = LeftOutFrames()
         self._drive = Drive(drive)
         self._earlier = EarlierDrives()
         self._counts_before = Counts()
@@ -218,52 +213,66 @@ class Mapper:
             BadFrame: If the source cannot say what the frame shows, or its color cannot be read;
                 the map stays as it was.
         """
-        if (reason := why_unusable(frame)) is not None:
-            self.leave_out(frame.stamp, reason)
+        if not self._is_wanted(frame):
             return None
-        if self._earlier.with_frame(frame) is not None:
-            self.keyframes.go_on_from(frame.map_T_camera)
-            self._count(repeated=1)
-            return None
-        if not self.keyframes.accept(frame.map_T_camera):
-            self._count(skipped=1)
-            return None
-        recorded = frame
-        if self._aligner is not None:
-            frame = self._aligner.align(frame)
+        aligned = frame if self._aligner is None else self._aligner.align(frame)
         try:
-            perceived = self.perceive(frame, self.perceiver)
+            perceived = self.perceive(aligned, self.perceiver)
         except HypermapError as error:
             self.keyframes.undo()
             raise BadFrame(str(error)) from error
         self._count_surplus(frame, perceived)
-        observation = perceived.observation
         if self._frame_log.is_full:
             self._frame_log.begin_part(self._map_before())
+        if not self._fuse(frame.stamp, perceived):
+            return None
+        self._drive.add(frame)
+        logged = LoggedFrame(perceived.observation, perceived.cells, self._looks_for_objects)
+        self._frame_log.add(frame.stamp, packed_frame(logged), aligned.map_T_camera)
+        self._count(used=1)
+        self._keep_looks(aligned, perceived.detections)
+        if self.watch is not None:
+            self.watch(MappedFrame(aligned, perceived.detections, perceived.observation), self)
+        return perceived.observation
+
+    def _is_wanted(self, frame: RgbdFrame) -> bool:
+        """Return whether to map a frame: a usable new keyframe; count the others."""
+        if (reason := why_unusable(frame)) is not None:
+            self.leave_out(frame.stamp, reason)
+        elif self._earlier.with_frame(frame) is not None:
+            self.keyframes.go_on_from(frame.map_T_camera)
+            self._count(repeated=1)
+        elif not self.keyframes.accept(frame.map_T_camera):
+            self._count(skipped=1)
+        else:
+            return True
+        return False
+
+    def _fuse(self, stamp: float, perceived: Perceived) -> bool:
+        """Add what a frame shows to both layers, or to none; return whether it was possible."""
         change: Callable[[], None] | None = None
         if self.makes_occupancy:
             try:
                 change = self._occupancy.change_by(perceived.cells)
             except HypermapError as error:  # one bad pose must not end an hour of mapping
                 self.keyframes.undo()
-                self.leave_out(frame.stamp, str(error))
-                return None
+                self.leave_out(stamp, str(error))
+                return False
         if self._looks_for_objects:  # otherwise nothing that is not found would be missing
-            self.evidence.update(observation)
+            self.evidence.update(perceived.observation)
         if change is not None:  # last, as nothing can stop it
             change()
-        self._drive.add(recorded)
-        logged = packed_frame(LoggedFrame(observation, perceived.cells, self._looks_for_objects))
-        self._frame_log.add(frame.stamp, logged, frame.map_T_camera)
-        self._count(used=1)
-        if self._looks_for_objects and self.config.pictures.enabled:
-            keep_pictures(frame, perceived.detections, self.evidence, self.config.pictures)
-        if self._looks_for_objects and self.embedder is not None:
-            people = self.config.pictures.people
-            embed_objects(frame, perceived.detections, self.evidence, self.embedder, people)
-        if self.watch is not None:
-            self.watch(MappedFrame(frame, perceived.detections, observation), self)
-        return observation
+        return True
+
+    def _keep_looks(self, frame: RgbdFrame, detections: Detections) -> None:
+        """Keep pictures and embeddings of the objects that a mapped frame shows."""
+        if not self._looks_for_objects:
+            return
+        config = self.config.pictures
+        if config.enabled:
+            keep_pictures(frame, detections, self.evidence, config)
+        if self.embedder is not None:
+            embed_objects(frame, detections, self.evidence, self.embedder, config.people)
 
     def correct_poses_by(self, occupancy: OccupancyLayer) -> None:
         """Correct the poses of all frames from now on by a map that is in their frame.
@@ -351,19 +360,15 @@ class Mapper:
             layer = self.evidence.layer(frame_id=layers[0].frame_id)
             layers.append(layer)
             published = layer.objects()
-        metadata = self._base.metadata | {
-            "hypermap_version": __version__,
-            "frames": (self._counts_before + self.counts).as_metadata(),
-            **({"surplus_detections": self.surplus} if self.surplus else {}),
-            "poses": "corrected by the occupancy map" if self.corrects_poses else "as recorded",
-            **self._pose_corrections(),
-            "config": to_dict(self.config),
-            "drives": [drive.described() for drive in self._drives()],
-            **self._identity(),
-        }
-        metadata.pop(BY_HAND, None)
-        if edits := ids_by_edit(self.evidence.hand_edits()):
-            metadata[BY_HAND] = edits
+        metadata = made_metadata(
+            self._base.metadata,
+            self.config,
+            self._drives(),
+            self._counts_before + self.counts,
+            self.surplus,
+            self._aligner if self.corrects_poses else None,
+            self.evidence.hand_edits(),
+        )
         made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
         made.mapper_state = cache(partial(dump_state, self._state(published)))
         made.history = replace(self._base.history or History(), mapped=self._mapped())
@@ -395,28 +400,10 @@ class Mapper:
         given = self._given_occupancy is not None
         return MapBefore.of(self.evidence.tracks(), first_cell, None if given else log_odds)
 
-    def _identity(self) -> dict[str, Any]:
-        """Return the id of the map, which it keeps, and its version, which counts up.
-
-        The same first frame and configuration give the same id, and so the same bytes.
-        """
-        before = self._base.metadata
-        known = before.get(MAP_VERSION)
-        return {
-            MAP_ID: before.get(MAP_ID) or map_id(self._drives(), to_dict(self.config)),
-            MAP_VERSION: 1 + (known if type(known) is int else 0),
-        }
-
     def _drives(self) -> list[Drive]:
         """Return copies of all drives of which something is in the map."""
         now = replace(self._drive, keys=list(self._drive.keys))
         return [*self._earlier.drives, *([now] if now.keys else [])]
-
-    def _pose_corrections(self) -> dict[str, Any]:
-        """Return what became of the poses, for the metadata, if any could be corrected."""
-        if self._aligner is None or not self.corrects_poses:
-            return {}
-        return {"pose_corrections": self._aligner.corrections.summary()}
 
     def occupancy(self) -> OccupancyLayer:
         """Return the first layer of the map: the given one, or what depth has shown so far."""
@@ -426,18 +413,17 @@ class Mapper:
 
     def leave_out(self, stamp: float, reason: str) -> None:
         """Count an unusable frame, and log why: once for each kind of reason."""
-        kind = re.sub(r"\d+", "#", reason)
-        say = _log.info if kind in self._left_out else _log.warning
-        say("frame %.6f left out: %s", stamp, reason)
-        self._left_out[kind] += 1
-        self.first_reason = self.first_reason or reason
+        self._left_out.add(stamp, reason)
         self._count(unusable=1)
+
+    @property
+    def first_reason(self) -> str:
+        """Why the first frame was left out as unusable; empty if none was."""
+        return self._left_out.first_reason
 
     def tell_left_out(self) -> None:
         """Log how many frames more were left out, and whether the drive's clock is wrong."""
-        more = self._left_out.total() - len(self._left_out)
-        if more:
-            _log.warning("%d more frames were left out for the same reasons (-v lists them)", more)
+        self._left_out.log_rest()
         if self._drive.is_ahead:
             _log.warning(
                 "the stamps of %r lie in the future (%s), so the map does not know when this drive "

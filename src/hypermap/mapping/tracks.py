@@ -146,6 +146,10 @@ class TrackTable:
                 rows.append(row)
         return rows
 
+    def hand_edits(self) -> dict[int, HandEdit]:
+        """Return the edits made by hand, by the ids of the tracks."""
+        return {track.id: track.by_hand for track in self.objects if track.by_hand is not None}
+
     def excluding(self, rows: Rows, ids: Collection[int]) -> Rows:
         """Return the rows whose tracks have none of these ids."""
         return [row for row in rows if self.objects[row].id not in ids]

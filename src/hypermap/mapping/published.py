@@ -1,0 +1,140 @@
+"""Which tracks are published, and how: the objects of a semantic layer, with their evidence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.embeddings import Embeddings
+from hypermap.core.objects import ObjectTable
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.history.differences import MOVE
+from hypermap.mapping.class_posterior import one_class_per_place
+from hypermap.mapping.completion import FreeShare, completed
+from hypermap.mapping.evidence_table import lazy_evidence_table
+from hypermap.mapping.fusion import FUSIONS, votes
+from hypermap.mapping.landmarks import landmark_moves
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.tracks import TrackTable
+
+_SURE = 4.0  # existence at which an object is there with a probability of 1 - 1/e; measured
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedTracks:
+    """The tracks of an evidence map, as users of the map see them; it changes none of them.
+
+    Attributes:
+        tracks: all tracks.
+        config: which of them are published, and with which footprints.
+        is_free: returns the known free share of an area; None if nothing is known.
+        is_edited: whether people have edited any track.
+    """
+
+    tracks: TrackTable
+    config: EvidenceConfig
+    is_free: FreeShare | None
+    is_edited: bool
+
+    def rows(self) -> list[int]:
+        """Return the rows of the tracks that are published."""
+        is_published = self.tracks.existence > self.config.publish_above
+        if self.is_edited:
+            edits = [track.by_hand for track in self.tracks.objects]
+            is_published |= [edit is not None for edit in edits]
+            is_published &= [edit is None or not edit.is_deleted for edit in edits]
+        rows: list[int] = np.flatnonzero(is_published).tolist()
+        return rows
+
+    def objects(self, ids: Collection[int] | None = None) -> list[SemanticObject]:
+        """Return the objects with these ids, or all; see `EvidenceMap.objects`."""
+        rows = self.rows()
+        if ids is not None:
+            return [self._published(row) for row in rows if self.tracks.objects[row].id in ids]
+        tracks = self.tracks.objects
+        if self.config.landmarks and self.config.fusion == "votes":
+            shifts = landmark_moves([track.buffer for track in tracks])
+            found = [self._published(row, shifts[row]) for row in rows]
+        else:
+            found = [self._published(row) for row in rows]
+        if self.config.slip >= 1:
+            return found
+        return one_class_per_place(found, self.config.slip, self.tracks.hand_edits())
+
+    def summary(self) -> list[tuple[int, int, float]]:
+        """Return the id, the number of pieces of evidence and the existence of each object."""
+        objects, existence = self.tracks.objects, self.tracks.existence
+        return [
+            (objects[row].id, objects[row].buffer.count, float(existence[row]))
+            for row in self.rows()
+        ]
+
+    def layer(self, name: str, frame_id: str, is_final: bool) -> SemanticLayer:
+        """Return the objects as a layer, with their evidence; see `EvidenceMap.layer`."""
+        objects = self.objects(None if is_final else {number for number, _, _ in self.summary()})
+        ids = {item.id for item in objects}
+        kept = {o.id: tuple(o.buffer.items) for o in self.tracks.objects if o.id in ids}
+        table, evidence = ObjectTable.of(objects), lazy_evidence_table(kept)
+        next_id = self.tracks.next_id
+        layer = SemanticLayer.of_table(name, frame_id, table, evidence=evidence, next_id=next_id)
+        pictures = {track.id: track.buffer.pictures for track in self.tracks.objects}
+        layer.kept_pictures = {n: kept for n, kept in pictures.items() if kept and n in ids}
+        looks = {t.id: t.buffer.embedding for t in self.tracks.objects if t.id in ids}
+        layer.kept_embeddings = Embeddings.of({n: e for n, e in looks.items() if e is not None})
+        return layer
+
+    def footprint(self, row: int, shifts: NDArray[np.float64] | None = None) -> BaseGeometry:
+        """Return a track's footprint as it is published.
+
+        Args:
+            row: of the track.
+            shifts: by how much its evidence is moved first [m], shape (N, 2); None for not.
+        """
+        track = self.tracks.objects[row]
+        # The stale shape stays: a question must not change the map.
+        if shifts is not None and shifts.any():
+            fused = votes(track.buffer, self.config, shifts)
+        elif track.pending > 0:
+            fused = FUSIONS[self.config.fusion](track.buffer, self.config)
+        else:
+            fused = self.tracks.shapes.polygons[row]
+        if self.config.completion != "class_depth":
+            return fused.geometry
+        cameras_xy = np.array([item.map_T_camera[:2, 3] for item in track.buffer.items])
+        return completed(fused.geometry, track.name, cameras_xy, self.is_free)
+
+    def _published(self, row: int, shifts: NDArray[np.float64] | None = None) -> SemanticObject:
+        """Return a track as users of the map see it, its footprints moved by `shifts`."""
+        track = self.tracks.objects[row]
+        buffer, edit = track.buffer, track.by_hand
+        if edit is not None and edit.drawn is not None:
+            return edit.drawn
+        z_min, z_max = buffer.heights()
+        attributes: dict[str, Any] = {"evidence": buffer.count, "z_min": z_min, "z_max": z_max}
+        if track.moved is not None:
+            attributes[MOVE] = {"confidence": round(track.moved, 3)}
+        found = SemanticObject(
+            name=track.name,
+            footprint=self.footprint(row, shifts),
+            id=track.id,
+            tags=(track.name,),
+            confidence=(self._confidence(row),),
+            existence=float(self.tracks.existence[row]),
+            first_seen=buffer.first_seen,
+            last_seen=buffer.last_seen,
+            attributes=attributes,
+        )
+        return found if edit is None else edit.applied_to(found)
+
+    def _confidence(self, row: int) -> float:
+        """Return how sure it is that a track is an object: a probability, by its existence."""
+        buffer = self.tracks.objects[row].buffer
+        if self.config.confidence == "score":
+            return buffer.score_sum / buffer.count
+        return -math.expm1(-max(float(self.tracks.existence[row]), 0.0) / _SURE)
