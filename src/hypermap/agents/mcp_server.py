@@ -36,58 +36,65 @@ _INSTRUCTIONS = (
 
 def server_of(tools: Sequence[Tool], looking: Looking) -> Server[Any]:
     """Return the server of some tools; the map's summary, classes and rooms are its resources."""
-    by_name = {tool.name: tool for tool in tools}
-    resources: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
-        "hypermap://summary": ("What is in the map", looking.summary),
-        "hypermap://classes": ("Classes of objects, and how many of each", looking.classes),
-        "hypermap://rooms": ("Rooms and doors", looking.rooms),
-        "hypermap://query-schema": ("JSON Schema of queries", lambda: QUERY_SCHEMA),
-    }
-    limiter = anyio.CapacityLimiter(_AT_ONCE)
-
-    async def list_tools(_ctx: Any, _params: Any) -> types.ListToolsResult:
-        return types.ListToolsResult(tools=[_described(tool) for tool in tools])
-
-    async def call_tool(_ctx: Any, params: types.CallToolRequestParams) -> types.CallToolResult:
-        tool = by_name.get(params.name)
-        if tool is None:
-            return _refusal(f"there is no tool {params.name[:100]!r}; " + hint(params.name))
-        try:
-            call = partial(tool, params.arguments)
-            answer = await anyio.to_thread.run_sync(call, limiter=limiter)
-        except HypermapError as error:
-            return _refusal(str(error))
-        return _result(answer)
-
-    async def list_resources(_ctx: Any, _params: Any) -> types.ListResourcesResult:
-        known = [
-            types.Resource(uri=uri, name=uri.partition("//")[2], title=title, mime_type=_JSON)
-            for uri, (title, _) in resources.items()
-        ]
-        return types.ListResourcesResult(resources=known)
-
-    async def read_resource(
-        _ctx: Any, params: types.ReadResourceRequestParams
-    ) -> types.ReadResourceResult:
-        uri = str(params.uri)
-        if uri not in resources:
-            raise MCPError(types.INVALID_PARAMS, f"there is no resource {uri[:200]!r}")
-        value = await anyio.to_thread.run_sync(resources[uri][1], limiter=limiter)
-        content = types.TextResourceContents(uri=uri, mime_type=_JSON, text=json.dumps(value))
-        return types.ReadResourceResult(contents=[content])
-
-    def hint(name: str) -> str:
-        return did_you_mean(name[:100], by_name)
-
+    requests = _Requests(tools, looking)
     return Server(
         "hypermap",
         version=__version__,
         instructions=_INSTRUCTIONS,
-        on_list_tools=list_tools,
-        on_call_tool=call_tool,
-        on_list_resources=list_resources,
-        on_read_resource=read_resource,
+        on_list_tools=requests.list_tools,
+        on_call_tool=requests.call_tool,
+        on_list_resources=requests.list_resources,
+        on_read_resource=requests.read_resource,
     )
+
+
+class _Requests:
+    """Answers the requests of clients, a few at a time, in other threads."""
+
+    def __init__(self, tools: Sequence[Tool], looking: Looking) -> None:
+        self._tools = {tool.name: tool for tool in tools}
+        self._resources: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
+            "hypermap://summary": ("What is in the map", looking.summary),
+            "hypermap://classes": ("Classes of objects, and how many of each", looking.classes),
+            "hypermap://rooms": ("Rooms and doors", looking.rooms),
+            "hypermap://query-schema": ("JSON Schema of queries", lambda: QUERY_SCHEMA),
+        }
+        self._limiter = anyio.CapacityLimiter(_AT_ONCE)
+
+    async def list_tools(self, _ctx: Any, _params: Any) -> types.ListToolsResult:
+        return types.ListToolsResult(tools=[_described(tool) for tool in self._tools.values()])
+
+    async def call_tool(
+        self, _ctx: Any, params: types.CallToolRequestParams
+    ) -> types.CallToolResult:
+        name = params.name[:100]
+        tool = self._tools.get(params.name)
+        if tool is None:
+            return _refusal(f"there is no tool {name!r}; {did_you_mean(name, self._tools)}")
+        try:
+            call = partial(tool, params.arguments)
+            answer = await anyio.to_thread.run_sync(call, limiter=self._limiter)
+        except HypermapError as error:
+            return _refusal(str(error))
+        return _result(answer)
+
+    async def list_resources(self, _ctx: Any, _params: Any) -> types.ListResourcesResult:
+        known = [
+            types.Resource(uri=uri, name=uri.partition("//")[2], title=title, mime_type=_JSON)
+            for uri, (title, _) in self._resources.items()
+        ]
+        return types.ListResourcesResult(resources=known)
+
+    async def read_resource(
+        self, _ctx: Any, params: types.ReadResourceRequestParams
+    ) -> types.ReadResourceResult:
+        uri = str(params.uri)
+        if uri not in self._resources:
+            raise MCPError(types.INVALID_PARAMS, f"there is no resource {uri[:200]!r}")
+        _, resource = self._resources[uri]
+        value = await anyio.to_thread.run_sync(resource, limiter=self._limiter)
+        content = types.TextResourceContents(uri=uri, mime_type=_JSON, text=json.dumps(value))
+        return types.ReadResourceResult(contents=[content])
 
 
 def serve_stdio(server: Server[Any]) -> None:

@@ -40,6 +40,8 @@ from hypermap.cli.worker_options import MOST_WORKERS, Address
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
+    from hypermap.cli.map_values import Measured
+    from hypermap.cli.recording_options import RecordingOptions
     from hypermap.cli.watching import Watched
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.perception.detectors.origin import DetectionOrigin
@@ -193,15 +195,9 @@ def command(
         hypermap map drive.bag --detector yolox-nano --address 10.0.0.1:6379 -o office.hmap
         hypermap map drive.bag --value /temperature --value /wifi:rssi,unit=dBm -o office.hmap
     """
-    from hypermap.mapping.preflight import Preflight
-    from hypermap.perception.detectors.origin import detection_origin
-
     check_map_output(output, force or is_same_file(output, onto))
-    if value and path is None:
-        raise HypermapError("--value: give the RECORDING that has the topic")
-    if path is None and (correct_poses is not None or save_poses is not None):
-        option = "--save-poses" if correct_poses is None else "--correct-poses"
-        raise HypermapError(f"{option}: give the RECORDING whose poses are to be corrected")
+    if path is None:
+        _check_needs_no_recording(value, correct_poses, save_poses)
     base = map_to_go_on_with(onto, map_file)
     if poses is not None:
         base = corrected(base, onto, poses, request.options)
@@ -218,18 +214,14 @@ def command(
         pictures = replace(settings.pictures, enabled=not no_pictures, people=people)
         settings = replace(settings, pictures=pictures)
     occupancy = _occupancy(map_file, recording)
-    correction = PoseCorrection(
-        correct_poses,
-        save_poses,
-        (occupancy or recording.occupancy()) is not None
-        if base is None
-        else correct_poses is not None and known_map(base, settings),
-    )
+    if base is None:
+        has_map = (occupancy or recording.occupancy()) is not None
+    else:
+        has_map = correct_poses is not None and known_map(base, settings)
+    correction = PoseCorrection(correct_poses, save_poses, has_map)
     settings = correction.settings(settings)
-    origin = detection_origin(
-        recording, detector, labels, settings.perception.min_score, detections, objects
-    )
-    _note_origin(origin)
+    min_score = settings.perception.min_score
+    origin = _origin(recording, detector, labels, min_score, detections, objects)
     recording, corrected_poses = correction.corrected(recording, force)
     job = Job(
         recording=recording,
@@ -246,22 +238,50 @@ def command(
         corrected_poses=corrected_poses,
     )
     frames = len(recording)  # which reads a bag through once
-    name, notes = recording.path.name, PreflightNotes()
-    preflight = Preflight(notes.add, settings.perception.max_depth, options.world_pose())
-    with watching(view, name, output, frames, port, browser) as watched:
-        with stop_on_signal() as stop, logging_to(log, name, recording.frame_id) as logged:
-            watchers = [watch for watch in (watched.frame, logged) if watch is not None]
-            made = make_map(job, frames, stop, watched, watchers, preflight)
-            if made.counts.used == 0 and not values and is_same_file(output, onto):
-                _end_unchanged(output, name, stop, made)
-            hypermap = with_values(made.hypermap, values, made.until)
-            save_result(hypermap, output, evidence, onto)
-        summarize(hypermap, output)
-        note_unseen(made.hypermap, settings)
-        notes.remind()
-        _finish(watched, output, stop, made)
-    if not made.is_whole:
-        raise typer.Exit(stop.exit_code)
+    with watching(view, recording.path.name, output, frames, port, browser) as watched:
+        exit_code = _run(job, frames, values, options, output, evidence, log, watched)
+    if exit_code:
+        raise typer.Exit(exit_code)
+
+
+def _check_needs_no_recording(
+    values: list[str] | None, correct_poses: str | None, save_poses: Path | None
+) -> None:
+    """Raise a HypermapError if there is an option that needs a recording."""
+    if values:
+        raise HypermapError("--value: give the RECORDING that has the topic")
+    if correct_poses is not None or save_poses is not None:
+        option = "--save-poses" if correct_poses is None else "--correct-poses"
+        raise HypermapError(f"{option}: give the RECORDING whose poses are to be corrected")
+
+
+def _run(
+    job: Job,
+    frames: int,
+    values: dict[str, Measured],
+    options: RecordingOptions,
+    output: Path,
+    evidence: bool,
+    log: Path | None,
+    watched: Watched,
+) -> int:
+    """Map the recording, save and summarize the map; return the exit code."""
+    from hypermap.mapping.preflight import Preflight
+
+    name, notes = job.recording.path.name, PreflightNotes()
+    preflight = Preflight(notes.add, job.settings.perception.max_depth, options.world_pose())
+    with stop_on_signal() as stop, logging_to(log, name, job.recording.frame_id) as logged:
+        watchers = [watch for watch in (watched.frame, logged) if watch is not None]
+        made = make_map(job, frames, stop, watched, watchers, preflight)
+        if made.counts.used == 0 and not values and is_same_file(output, job.onto):
+            _end_unchanged(output, name, stop, made)
+        hypermap = with_values(made.hypermap, values, made.until)
+        save_result(hypermap, output, evidence, job.onto)
+    summarize(hypermap, output)
+    note_unseen(made.hypermap, job.settings)
+    notes.remind()
+    _finish(watched, output, stop, made)
+    return 0 if made.is_whole else stop.exit_code
 
 
 def _embedder(path: str | None) -> Embedder | None:
@@ -270,14 +290,25 @@ def _embedder(path: str | None) -> Embedder | None:
     return None if path is None else load_embedder(path)
 
 
-def _note_origin(origin: DetectionOrigin | None) -> None:
-    """Say where detections come from, if the user did not."""
+def _origin(
+    recording: Recording,
+    detector: str | None,
+    labels: Path | None,
+    min_score: float,
+    detections: Path | None,
+    objects: bool,
+) -> DetectionOrigin | None:
+    """Return where detections come from; say so if the user did not."""
+    from hypermap.perception.detectors.origin import detection_origin
+
+    origin = detection_origin(recording, detector, labels, min_score, detections, objects)
     if origin is None or origin.detector is not None:
-        return
+        return origin
     if origin.file is None:
         note("taking the detections recorded in the bag")
     elif origin.is_found:
         note(f"taking detections from {origin.file}")
+    return origin
 
 
 def _occupancy(map_file: Path | None, recording: Recording) -> OccupancyLayer | None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import typer
 
@@ -21,6 +21,7 @@ from hypermap.cli.worker_options import MOST_WORKERS, opened_workers
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
+    from hypermap.cli.progress import Report
     from hypermap.cli.watching import Watched
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
     from hypermap.perception.embedders.embedder import Embedder
     from hypermap.perception.frame import DetectionSource
     from hypermap.perception.recording import PendingRecording
+
+    Watcher: TypeAlias = Callable[[MappedFrame, Mapper], None]
 
 
 @dataclass(frozen=True)
@@ -74,30 +77,17 @@ def make_map(
     frames: int,
     stop: Stop,
     watched: Watched,
-    watchers: list[Callable[[MappedFrame, Mapper], None]],
+    watchers: list[Watcher],
     preflight: Preflight,
 ) -> Made:
     """Map the recording until its end or `stop`."""
-    from hypermap.cli.progress import Pace, mapping_progress
+    from hypermap.cli.progress import mapping_progress
     from hypermap.cli.stopping import StoppableRecording
-    from hypermap.mapping.counts import Counts
     from hypermap.mapping.recording_to_map import map_recording
 
-    started, pace, rate = time.monotonic(), Pace(), 0.0
-    counts = Counts()
+    started = time.monotonic()
     with mapping_progress(frames) as report, _looking_ahead(job) as ahead:
-        stoppable = StoppableRecording(ahead or job.recording, stop)
-
-        def watch(mapped: MappedFrame, mapper: Mapper) -> None:
-            for watcher in watchers:
-                watcher(mapped, mapper)
-
-        def tell(progress: Progress) -> None:
-            nonlocal rate, counts
-            counts = progress.counts
-            rate = pace.after(progress.done)
-            report(progress)
-
+        stoppable, pace = StoppableRecording(ahead or job.recording, stop), _Paced(report)
         try:
             with named(job.onto):
                 hypermap = map_recording(
@@ -105,8 +95,8 @@ def make_map(
                     job.source,
                     job.settings,
                     job.occupancy,
-                    watched.with_progress(tell),
-                    watch if watchers else None,
+                    watched.with_progress(pace),
+                    _each(watchers) if watchers else None,
                     preflight,
                     job.max_bad,
                     job.base,
@@ -119,8 +109,32 @@ def make_map(
                 raise typer.Exit(stop.exit_code) from None
             raise
     hypermap.metadata = described(hypermap.metadata, job.corrected_poses)
-    note_frames(hypermap, counts, job.settings, time.monotonic() - started, rate)
-    return Made(hypermap, counts, stoppable.until)
+    note_frames(hypermap, pace.counts, job.settings, time.monotonic() - started, pace.rate)
+    return Made(hypermap, pace.counts, stoppable.until)
+
+
+class _Paced:
+    """Reports progress, and keeps the counts of frames and how many are mapped per second."""
+
+    def __init__(self, report: Report) -> None:
+        from hypermap.cli.progress import Pace
+        from hypermap.mapping.counts import Counts
+
+        self.counts, self.rate = Counts(), 0.0
+        self._report, self._pace = report, Pace()
+
+    def __call__(self, progress: Progress) -> None:
+        self.counts = progress.counts
+        self.rate = self._pace.after(progress.done)
+        self._report(progress)
+
+
+def _each(watchers: list[Watcher]) -> Watcher:
+    def watch(mapped: MappedFrame, mapper: Mapper) -> None:
+        for watcher in watchers:
+            watcher(mapped, mapper)
+
+    return watch
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from hypermap.cli.terminal import note
 from hypermap.console.options import AN_AREA
 
 if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
     from hypermap.exploration import Frontier
 
 
@@ -102,21 +103,13 @@ def command(
         from hypermap.rooms import rooms_asked
 
         shown = union_all([room.outline for room in rooms_asked(hypermap, area)])
-    frontiers: list[Frontier] = []
-    if start is not None:
-        from hypermap.console.paths import parse_place
-        from hypermap.exploration import Explorer
-        from hypermap.paths import PathSettings
-
-        robot = PathSettings(robot_radius or 0.0)
-        frontiers = Explorer(hypermap, parse_place(start, "--frontiers"), robot).frontiers()
     render(
         hypermap,
         output,
         layers=layers,
         names=names,
         area=shown,
-        frontiers=frontiers,
+        frontiers=[] if start is None else _frontiers(hypermap, start, robot_radius or 0.0),
         contours=contours,
         full=full,
         labels=labels,
@@ -124,3 +117,13 @@ def command(
         size=size,
     )
     note(f"saved {output}")
+
+
+def _frontiers(hypermap: Hypermap, start: str, robot_radius: float) -> list[Frontier]:
+    """Return the frontiers that a robot can reach from a place."""
+    from hypermap.console.paths import parse_place
+    from hypermap.exploration import Explorer
+    from hypermap.paths import PathSettings
+
+    place, robot = parse_place(start, "--frontiers"), PathSettings(robot_radius)
+    return Explorer(hypermap, place, robot).frontiers()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap._loops import loop
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import IntArray
 
 _CELLS = 256  # of the lamp's grid, per side
@@ -58,52 +58,22 @@ def _draw(
     """
     height, width = depths.shape
     for i in range(len(triangles)):
-        for corner in range(3):
-            x, y, z = triangles[i, corner, 0], triangles[i, corner, 1], triangles[i, corner, 2]
-            for k in range(3):
-                row = projection[k]
-                p[corner, k] = row[0] * x + row[1] * y + row[2] * z + row[3]
+        _project(triangles[i], projection, p)
         if p[0, 2] <= 0 and p[1, 2] <= 0 and p[2, 2] <= 0:
             continue  # behind the camera
-        left, right, top, bottom = 0, width - 1, 0, height - 1
-        if p[0, 2] > 0 and p[1, 2] > 0 and p[2, 2] > 0:
-            u0, u1, u2 = p[0, 0] / p[0, 2], p[1, 0] / p[1, 2], p[2, 0] / p[2, 2]
-            v0, v1, v2 = p[0, 1] / p[0, 2], p[1, 1] / p[1, 2], p[2, 1] / p[2, 2]
-            left = int(max(0.0, np.floor(min(u0, u1, u2))))
-            right = int(min(width - 1.0, np.ceil(max(u0, u1, u2))))
-            top = int(max(0.0, np.floor(min(v0, v1, v2))))
-            bottom = int(min(height - 1.0, np.ceil(max(v0, v1, v2))))
-            if left > right or top > bottom:
-                continue
-        for k in range(3):
-            a, b = p[(k + 1) % 3], p[(k + 2) % 3]
-            planes[k, 0] = a[1] * b[2] - a[2] * b[1]
-            planes[k, 1] = a[2] * b[0] - a[0] * b[2]
-            planes[k, 2] = a[0] * b[1] - a[1] * b[0]
-        volume = p[0, 0] * planes[0, 0] + p[0, 1] * planes[0, 1] + p[0, 2] * planes[0, 2]
+        left, right, top, bottom = _bounds(p, width, height)
+        if left > right or top > bottom:
+            continue
+        volume = _edge_planes(p, planes)
         if volume == 0:
             continue  # seen from its edge
-        sign = 1.0 if volume > 0 else -1.0
-        volume *= sign
-        for k in range(3):
-            for axis in range(3):
-                planes[k, axis] *= sign
         for v in range(top, bottom + 1):
+            begin, end = _span(planes, v, left, right)
+            if begin > end:
+                continue
             c0 = planes[0, 1] * v + planes[0, 2]
             c1 = planes[1, 1] * v + planes[1, 2]
             c2 = planes[2, 1] * v + planes[2, 2]
-            # Of the row, only what lies between the edges is tried, give or take a pixel.
-            begin, end = float(left), float(right)
-            for k in range(3):
-                slope, start = planes[k, 0], planes[k, 1] * v + planes[k, 2]
-                if slope > 0:
-                    begin = max(begin, np.floor(-start / slope) - 1)
-                elif slope < 0:
-                    end = min(end, np.ceil(-start / slope) + 1)
-                elif start < 0:
-                    end = -1.0
-            if begin > end:
-                continue
             for u in range(int(begin), int(end) + 1):
                 e0 = planes[0, 0] * u + c0
                 e1 = planes[1, 0] * u + c1
@@ -113,6 +83,63 @@ def _draw(
                     if volume < whole * depths[v, u]:
                         depths[v, u] = volume / whole
                         found[v, u] = i
+
+
+@inner_loop()
+def _project(
+    triangle: NDArray[np.float32], projection: NDArray[np.float64], p: NDArray[np.float64]
+) -> None:
+    """Project the corners of a triangle into `p`, without division by their depth."""
+    for corner in range(3):
+        x, y, z = triangle[corner, 0], triangle[corner, 1], triangle[corner, 2]
+        for k in range(3):
+            row = projection[k]
+            p[corner, k] = row[0] * x + row[1] * y + row[2] * z + row[3]
+
+
+@inner_loop()
+def _bounds(p: NDArray[np.float64], width: int, height: int) -> tuple[int, int, int, int]:
+    """Return the first and last column and row that a triangle may cover; all if it is cut."""
+    left, right, top, bottom = 0, width - 1, 0, height - 1
+    if p[0, 2] > 0 and p[1, 2] > 0 and p[2, 2] > 0:
+        u0, u1, u2 = p[0, 0] / p[0, 2], p[1, 0] / p[1, 2], p[2, 0] / p[2, 2]
+        v0, v1, v2 = p[0, 1] / p[0, 2], p[1, 1] / p[1, 2], p[2, 1] / p[2, 2]
+        left = int(max(0.0, np.floor(min(u0, u1, u2))))
+        right = int(min(width - 1.0, np.ceil(max(u0, u1, u2))))
+        top = int(max(0.0, np.floor(min(v0, v1, v2))))
+        bottom = int(min(height - 1.0, np.ceil(max(v0, v1, v2))))
+    return left, right, top, bottom
+
+
+@inner_loop()
+def _edge_planes(p: NDArray[np.float64], planes: NDArray[np.float64]) -> float:
+    """Fill in the planes pi x pj, positive inside, and return the volume that they span."""
+    for k in range(3):
+        a, b = p[(k + 1) % 3], p[(k + 2) % 3]
+        planes[k, 0] = a[1] * b[2] - a[2] * b[1]
+        planes[k, 1] = a[2] * b[0] - a[0] * b[2]
+        planes[k, 2] = a[0] * b[1] - a[1] * b[0]
+    volume = p[0, 0] * planes[0, 0] + p[0, 1] * planes[0, 1] + p[0, 2] * planes[0, 2]
+    sign = 1.0 if volume > 0 else -1.0
+    for k in range(3):
+        for axis in range(3):
+            planes[k, axis] *= sign
+    return volume * sign
+
+
+@inner_loop()
+def _span(planes: NDArray[np.float64], v: int, left: int, right: int) -> tuple[float, float]:
+    """Return the first and last pixel of a row between the edges, give or take a pixel."""
+    begin, end = float(left), float(right)
+    for k in range(3):
+        slope, start = planes[k, 0], planes[k, 1] * v + planes[k, 2]
+        if slope > 0:
+            begin = max(begin, np.floor(-start / slope) - 1)
+        elif slope < 0:
+            end = min(end, np.ceil(-start / slope) + 1)
+        elif start < 0:
+            end = -1.0
+    return begin, end
 
 
 @dataclass(frozen=True, eq=False)

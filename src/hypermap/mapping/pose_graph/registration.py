@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hypermap._loops import loop
+from hypermap._loops import inner_loop, loop
 from hypermap.mapping.pose_graph.planar import Array
 from hypermap.mapping.pose_graph.view import Floats, View
 
@@ -20,6 +20,7 @@ _REACHES = np.array([0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.06, 0.06, 0.06, 0.06])
 _FEWEST = 60  # points that a registration needs
 _TOGETHER = 10.0  # points with one common error
 _FLOOR = np.array([0.003, 0.003, 0.001])  # standard deviations below which none is [m, m, rad]
+_MATRIX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # where a symmetric matrix lies in its sums
 _CONTRADICTS = 0.1  # meters by which a surface is seen through
 
 
@@ -54,7 +55,7 @@ def register(
     """
     if len(second.upright) < _FEWEST:
         return None
-    pose, information, counts = a_T_b.astype(float), np.zeros((3, 3)), np.zeros(4)
+    pose, sums, counts = a_T_b.astype(float), np.zeros(9), np.zeros(4)
     _iterate(
         second.upright,
         second.upright_normals,
@@ -65,13 +66,13 @@ def register(
         first.intrinsics,
         reaches,
         pose,
-        information,
+        sums,
         counts,
     )
     visible, agreeing, through, used = counts
     if used < _FEWEST or not np.isfinite(pose).all():
         return None
-    information = _positive(information) / _TOGETHER
+    information = _positive(sums[_MATRIX]) / _TOGETHER
     # Covariances add up, also where the information about a direction is none.
     information -= information @ np.linalg.solve(information + np.diag(_FLOOR**-2.0), information)
     return Registration(
@@ -99,7 +100,7 @@ def _iterate(
     intrinsics: Array,
     reaches: Array,
     pose: Array,
-    information: Array,
+    sums: Array,
     counts: Array,
 ) -> None:
     """Refine a pose by Gauss-Newton steps.
@@ -109,89 +110,144 @@ def _iterate(
         normals: of their surfaces, shape (N, 3).
         on_points: the image onto which they are moved [m], shape (H, W, 3).
         on_normals: of its surfaces, shape (H, W, 3).
-        level_R_camera: its rotation, shape (3, 3).
+        level_R_camera: rotation of its camera, shape (3, 3).
         height: of its camera [m].
-        intrinsics: of its blocks, shape (4,).
+        intrinsics: fx, fy, cx, cy of the image, shape (4,).
         reaches: of the steps [m], shape (S,).
-        pose: x, y, yaw; changed, shape (3,).
-        information: filled in, without regard to points that err together, shape (3, 3). Each
-            point's normals are from both views, whose errors have nothing in common: those of one
-            would tell of a motion along a wall.
+        pose: x, y, yaw [m, m, rad]; changed, shape (3,).
+        sums: filled in: the upper triangle of the information matrix, row by row, as if all points
+            had independent errors, and three numbers more; shape (9,).
         counts: filled in: visible, agreeing, seen through, used; shape (4,).
     """
-    R = level_R_camera
-    rows, columns = on_points.shape[:2]
     for step in range(len(reaches) + 1):
         is_last = step == len(reaches)
         reach = reaches[min(step, len(reaches) - 1)]
-        a00 = a01 = a02 = a11 = a12 = a22 = b0 = b1 = b2 = 0.0
-        visible = agreeing = through = used = 0
+        sums[:] = 0.0
+        counts[:] = 0.0
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         for i in range(len(points)):
             rx = cos * points[i, 0] - sin * points[i, 1]
             ry = sin * points[i, 0] + cos * points[i, 1]
             x, y, z = rx + pose[0], ry + pose[1], points[i, 2]
-            h = z - height
-            depth = R[0, 2] * x + R[1, 2] * y + R[2, 2] * h
-            if depth < 0.2:
-                continue
-            across = R[0, 0] * x + R[1, 0] * y + R[2, 0] * h
-            down = R[0, 1] * x + R[1, 1] * y + R[2, 1] * h
-            column = int(np.floor(intrinsics[0] * across / depth + intrinsics[2] + 0.5))
-            row = int(np.floor(intrinsics[1] * down / depth + intrinsics[3] + 0.5))
-            if not (0 <= row < rows and 0 <= column < columns):
+            row, column, depth = _pixel(
+                x, y, z - height, level_R_camera, intrinsics, on_points.shape[:2]
+            )
+            if row < 0:
                 continue
             qx, qy, qz = on_points[row, column]
             if not np.isfinite(qx):
                 continue
-            visible += 1
-            there = R[0, 2] * qx + R[1, 2] * qy + R[2, 2] * (qz - height)
+            counts[0] += 1
             nx, ny, nz = on_normals[row, column]
             distance = nx * (x - qx) + ny * (y - qy) + nz * (z - qz)  # NaN without a normal
             mx = cos * normals[i, 0] - sin * normals[i, 1]
             my = sin * normals[i, 0] + cos * normals[i, 1]
             same_side = nx * mx + ny * my + nz * normals[i, 2] > 0.8
             if same_side and abs(distance) < reach:
-                agreeing += 1
-                sigma = 0.005 + 0.001 * depth * depth
-                inlier = 1 - (distance / reach) ** 2
-                weight = inlier * inlier / (sigma * sigma)
-                turn = ny * rx - nx * ry
+                counts[1] += 1
+                weight = _weight(distance / reach, depth)
+                turn, mturn = ny * rx - nx * ry, my * rx - mx * ry
                 if is_last:
-                    mturn = my * rx - mx * ry
-                    a00 += weight * nx * mx
-                    a01 += weight * (nx * my + mx * ny) / 2
-                    a02 += weight * (nx * mturn + mx * turn) / 2
-                    a11 += weight * ny * my
-                    a12 += weight * (ny * mturn + my * turn) / 2
-                    a22 += weight * turn * mturn
-                    used += 1
-                    continue
-                a00 += weight * nx * nx
-                a01 += weight * nx * ny
-                a02 += weight * nx * turn
-                a11 += weight * ny * ny
-                a12 += weight * ny * turn
-                a22 += weight * turn * turn
-                b0 -= weight * nx * distance
-                b1 -= weight * ny * distance
-                b2 -= weight * turn * distance
-                used += 1
-            elif depth < there - _CONTRADICTS - 0.01 * there * there:
-                through += 1
-        if is_last or used < 20:
-            information[0, 0], information[0, 1], information[0, 2] = a00, a01, a02
-            information[1, 0], information[1, 1], information[1, 2] = a01, a11, a12
-            information[2, 0], information[2, 1], information[2, 2] = a02, a12, a22
-            counts[0], counts[1], counts[2], counts[3] = visible, agreeing, through, used
+                    _add_information(sums, weight, nx, ny, turn, mx, my, mturn)
+                else:
+                    _add_equation(sums, weight, nx, ny, turn, distance)
+                continue
+            R = level_R_camera
+            there = R[0, 2] * qx + R[1, 2] * qy + R[2, 2] * (qz - height)
+            if depth < there - _CONTRADICTS - 0.01 * there * there:
+                counts[2] += 1
+        counts[3] = counts[1]
+        if is_last or counts[3] < 20:
             return
-        # A weak pull to where it is keeps directions of which nothing is known.
-        a00 += 100.0
-        a11 += 100.0
-        a22 += 100.0
-        c0, c1, c2 = a11 * a22 - a12 * a12, a02 * a12 - a01 * a22, a01 * a12 - a02 * a11
-        c4, c5, c8 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
-        det = a00 * c0 + a01 * c1 + a02 * c2
-        pose[0] += (c0 * b0 + c1 * b1 + c2 * b2) / det
-        pose[1] += (c1 * b0 + c4 * b1 + c5 * b2) / det
-        pose[2] += (c2 * b0 + c5 * b1 + c8 * b2) / det
+        _move(pose, sums)
+
+
+@inner_loop()
+def _pixel(
+    x: float, y: float, h: float, R: Array, intrinsics: Array, shape: tuple[int, int]
+) -> tuple[int, int, float]:
+    """Return the row, column and depth at which a camera sees a point; row -1 if it does not.
+
+    Args:
+        x: of the point from the camera, in level axes [m].
+        y: likewise.
+        h: likewise, up.
+        R: level_R_camera.
+        intrinsics: fx, fy, cx, cy.
+        shape: rows and columns of the image.
+    """
+    depth = R[0, 2] * x + R[1, 2] * y + R[2, 2] * h
+    if depth < 0.2:
+        return -1, -1, depth
+    across = R[0, 0] * x + R[1, 0] * y + R[2, 0] * h
+    down = R[0, 1] * x + R[1, 1] * y + R[2, 1] * h
+    column = int(np.floor(intrinsics[0] * across / depth + intrinsics[2] + 0.5))
+    row = int(np.floor(intrinsics[1] * down / depth + intrinsics[3] + 0.5))
+    if not (0 <= row < shape[0] and 0 <= column < shape[1]):
+        return -1, -1, depth
+    return row, column, depth
+
+
+@inner_loop()
+def _weight(share: float, depth: float) -> float:
+    """Return Tukey's weight of a distance, as a share of the largest, over its variance."""
+    sigma = 0.005 + 0.001 * depth * depth
+    inlier = 1 - share**2
+    return inlier * inlier / (sigma * sigma)
+
+
+@inner_loop()
+def _add_equation(
+    sums: Array, weight: float, nx: float, ny: float, turn: float, distance: float
+) -> None:
+    """Add a point to the normal equations: six numbers of the matrix, three of the right side."""
+    sums[0] += weight * nx * nx
+    sums[1] += weight * nx * ny
+    sums[2] += weight * nx * turn
+    sums[3] += weight * ny * ny
+    sums[4] += weight * ny * turn
+    sums[5] += weight * turn * turn
+    sums[6] -= weight * nx * distance
+    sums[7] -= weight * ny * distance
+    sums[8] -= weight * turn * distance
+
+
+@inner_loop()
+def _add_information(
+    sums: Array,
+    weight: float,
+    nx: float,
+    ny: float,
+    turn: float,
+    mx: float,
+    my: float,
+    mturn: float,
+) -> None:
+    """Add a point to the information matrix.
+
+    Its normals are from both views, whose errors are independent: those of one view alone would
+    claim information about motion along a wall.
+    """
+    sums[0] += weight * nx * mx
+    sums[1] += weight * (nx * my + mx * ny) / 2
+    sums[2] += weight * (nx * mturn + mx * turn) / 2
+    sums[3] += weight * ny * my
+    sums[4] += weight * (ny * mturn + my * turn) / 2
+    sums[5] += weight * turn * mturn
+
+
+@inner_loop()
+def _move(pose: Array, sums: Array) -> None:
+    """Move a pose by the solution of the normal equations.
+
+    Small diagonal entries keep directions about which nothing is known (Levenberg's damping).
+    """
+    a01, a02, a12 = sums[1], sums[2], sums[4]
+    a00, a11, a22 = sums[0] + 100.0, sums[3] + 100.0, sums[5] + 100.0
+    b0, b1, b2 = sums[6], sums[7], sums[8]
+    c0, c1, c2 = a11 * a22 - a12 * a12, a02 * a12 - a01 * a22, a01 * a12 - a02 * a11
+    c4, c5, c8 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
+    det = a00 * c0 + a01 * c1 + a02 * c2
+    pose[0] += (c0 * b0 + c1 * b1 + c2 * b2) / det
+    pose[1] += (c1 * b0 + c4 * b1 + c5 * b2) / det
+    pose[2] += (c2 * b0 + c5 * b1 + c8 * b2) / det

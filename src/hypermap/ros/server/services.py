@@ -43,36 +43,13 @@ class Services:
         self._port = port
         self._tally = tally
         self._open: KeptOpen[Closable] = KeptOpen()
-        self._queries = queries = Queries(port, current, requests)
-        new = ObjectQueries(port, current, requests)
-        rooms = RoomQueries(port, current)
-        notes = NoteQueries(port, current, requests)
+        self._queries = Queries(port, current, requests)
         self._layers: dict[str, str] = {}  # of the services that hand out a grid
         self._fixed: dict[str, tuple[str, Handler]] = {
-            "get_string_at_point": ("hypermap_msgs/GetStringAtPoint", queries.string_at_point),
-            "get_int_at_point": ("hypermap_msgs/GetIntAtPoint", queries.int_at_point),
-            "get_strings_by_area": ("hypermap_msgs/GetStringsByArea", queries.strings_by_area),
-            "get_ints_by_area": ("hypermap_msgs/GetIntsByArea", queries.ints_by_area),
-            "get_locations_by_string": (
-                "hypermap_msgs/GetLocationsByString",
-                queries.locations_by_string,
-            ),
-            "get_locations_by_int": ("hypermap_msgs/GetLocationsByInt", queries.locations_by_int),
-            "get_semantic_by_area": ("hypermap_msgs/GetSemanticByArea", queries.semantic_by_area),
-            "get_semantic_by_string": (
-                "hypermap_msgs/GetSemanticByString",
-                queries.semantic_by_string,
-            ),
-            "get_layers_at_point": ("hypermap_msgs/GetLayersAtPoint", new.layers_at_point),
-            "get_hits_in_areas": ("hypermap_msgs/GetHitsInAreas", new.hits_in_areas),
-            "find_objects": ("hypermap_msgs/FindObjects", new.find_objects),
-            "ask": ("hypermap_msgs/Ask", Ask(port, current, requests).answer),
-            "find_rooms": ("hypermap_msgs/FindRooms", rooms.find_rooms),
-            "get_room_of": ("hypermap_msgs/GetRoomOf", rooms.room_of),
-            "get_rooms_with": ("hypermap_msgs/GetRoomsWith", rooms.rooms_with),
-            "is_room_reachable": ("hypermap_msgs/IsRoomReachable", rooms.is_reachable),
-            "find_notes": ("hypermap_msgs/FindNotes", notes.find),
-            "add_note": ("hypermap_msgs/AddNote", notes.add),
+            **_of_2019(self._queries),
+            **_of_objects(port, current, requests),
+            **_of_rooms(RoomQueries(port, current)),
+            **_of_notes(NoteQueries(port, current, requests)),
             "get_changes": ("hypermap_msgs/GetChanges", changes.get_changes),
             "make_plan": ("nav_msgs/GetPlan", plans.make_plan),
             "load_map": ("hypermap_msgs/LoadMap", files.load),
@@ -142,3 +119,52 @@ def _static_maps(hypermap: Hypermap) -> dict[str, str]:
         if isinstance(layer, OccupancyLayer):
             services[GLOBAL_STATIC_MAP] = layer.name
     return services
+
+
+def _of_2019(queries: Queries) -> dict[str, tuple[str, Handler]]:
+    """Return the services of the first version, by their names: type and handler."""
+    return {
+        "get_string_at_point": ("hypermap_msgs/GetStringAtPoint", queries.string_at_point),
+        "get_int_at_point": ("hypermap_msgs/GetIntAtPoint", queries.int_at_point),
+        "get_strings_by_area": ("hypermap_msgs/GetStringsByArea", queries.strings_by_area),
+        "get_ints_by_area": ("hypermap_msgs/GetIntsByArea", queries.ints_by_area),
+        "get_locations_by_string": (
+            "hypermap_msgs/GetLocationsByString",
+            queries.locations_by_string,
+        ),
+        "get_locations_by_int": ("hypermap_msgs/GetLocationsByInt", queries.locations_by_int),
+        "get_semantic_by_area": ("hypermap_msgs/GetSemanticByArea", queries.semantic_by_area),
+        "get_semantic_by_string": (
+            "hypermap_msgs/GetSemanticByString",
+            queries.semantic_by_string,
+        ),
+    }
+
+
+def _of_objects(
+    port: Port, current: CurrentMap, requests: Requests
+) -> dict[str, tuple[str, Handler]]:
+    """Return the services that answer queries across layers."""
+    objects = ObjectQueries(port, current, requests)
+    return {
+        "get_layers_at_point": ("hypermap_msgs/GetLayersAtPoint", objects.layers_at_point),
+        "get_hits_in_areas": ("hypermap_msgs/GetHitsInAreas", objects.hits_in_areas),
+        "find_objects": ("hypermap_msgs/FindObjects", objects.find_objects),
+        "ask": ("hypermap_msgs/Ask", Ask(port, current, requests).answer),
+    }
+
+
+def _of_rooms(rooms: RoomQueries) -> dict[str, tuple[str, Handler]]:
+    return {
+        "find_rooms": ("hypermap_msgs/FindRooms", rooms.find_rooms),
+        "get_room_of": ("hypermap_msgs/GetRoomOf", rooms.room_of),
+        "get_rooms_with": ("hypermap_msgs/GetRoomsWith", rooms.rooms_with),
+        "is_room_reachable": ("hypermap_msgs/IsRoomReachable", rooms.is_reachable),
+    }
+
+
+def _of_notes(notes: NoteQueries) -> dict[str, tuple[str, Handler]]:
+    return {
+        "find_notes": ("hypermap_msgs/FindNotes", notes.find),
+        "add_note": ("hypermap_msgs/AddNote", notes.add),
+    }

@@ -15,7 +15,7 @@ from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response, StreamingResponse
-from starlette.routing import Route
+from starlette.routing import BaseRoute, Route
 
 from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
 from hypermap.core.hypermap import Hypermap
@@ -104,35 +104,7 @@ class MapApp:
         self._paths = Paths()
         self._uploads = Uploads()
         self.app = Starlette(
-            routes=[
-                Route("/", self._page),
-                Route("/page/{name}", self._page),
-                Route("/api/map", self._map),
-                Route("/api/tiles/{layer:path}/{zoom}/{column}/{row}.png", self._tile),
-                Route("/api/shapes/{layer:path}", self._shapes),
-                Route("/api/values/{layer:path}", self._values),
-                Route("/api/at", self._at),
-                Route("/api/area", self._area, methods=["POST"]),
-                Route("/api/area.{kind}", self._download),
-                Route("/api/find", self._find),
-                Route("/api/ask", self._ask),
-                Route("/api/path", self._path),
-                Route("/api/coverage", self._coverage),
-                Route("/api/coverage", self._cover, methods=["POST"]),
-                Route("/api/objects/{layer:path}/{id}/evidence", self._evidence),
-                Route("/api/objects/{layer:path}/{id}", self._object),
-                Route("/api/timeline", self._timeline),
-                Route("/api/timeline/{version}", self._changes),
-                Route("/api/notes", self._notes),
-                Route("/api/notes/{layer:path}/{id}/{sha256}", self._attached),
-                Route("/api/files", self._upload, methods=["POST"]),
-                Route("/api/edit", self._edit, methods=["POST"]),
-                Route("/api/undo", self._undo, methods=["POST"]),
-                Route("/api/redo", self._redo, methods=["POST"]),
-                Route("/api/save", self._save, methods=["POST"]),
-                Route("/api/reload", self._reload, methods=["POST"]),
-                Route("/api/events", self._events),
-            ],
+            routes=self._routes(),
             middleware=[
                 Middleware(Guard, hosts=known_hosts(host), token=self.token, is_private=is_private)
             ],
@@ -144,6 +116,37 @@ class MapApp:
             },
             lifespan=self._lifespan,
         )
+
+    def _routes(self) -> list[BaseRoute]:
+        return [
+            Route("/", self._page),
+            Route("/page/{name}", self._page),
+            Route("/api/map", self._map),
+            Route("/api/tiles/{layer:path}/{zoom}/{column}/{row}.png", self._tile),
+            Route("/api/shapes/{layer:path}", self._shapes),
+            Route("/api/values/{layer:path}", self._values),
+            Route("/api/at", self._at),
+            Route("/api/area", self._area, methods=["POST"]),
+            Route("/api/area.{kind}", self._download),
+            Route("/api/find", self._find),
+            Route("/api/ask", self._ask),
+            Route("/api/path", self._path),
+            Route("/api/coverage", self._coverage),
+            Route("/api/coverage", self._cover, methods=["POST"]),
+            Route("/api/objects/{layer:path}/{id}/evidence", self._evidence),
+            Route("/api/objects/{layer:path}/{id}", self._object),
+            Route("/api/timeline", self._timeline),
+            Route("/api/timeline/{version}", self._changes),
+            Route("/api/notes", self._notes),
+            Route("/api/notes/{layer:path}/{id}/{sha256}", self._attached),
+            Route("/api/files", self._upload, methods=["POST"]),
+            Route("/api/edit", self._edit, methods=["POST"]),
+            Route("/api/undo", self._undo, methods=["POST"]),
+            Route("/api/redo", self._redo, methods=["POST"]),
+            Route("/api/save", self._save, methods=["POST"]),
+            Route("/api/reload", self._reload, methods=["POST"]),
+            Route("/api/events", self._events),
+        ]
 
     @asynccontextmanager
     async def _lifespan(self, _: Starlette) -> AsyncIterator[None]:
