@@ -40,13 +40,13 @@ from hypermap.cli.worker_options import MOST_WORKERS, Address
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
-    from hypermap.cli.map_values import Measured
-    from hypermap.cli.recording_options import RecordingOptions
     from hypermap.cli.watching import Watched
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.perception.detectors.origin import DetectionOrigin
     from hypermap.perception.embedders.embedder import Embedder
     from hypermap.perception.recording import Recording
+    from hypermap.recordings import RecordingOptions
+    from hypermap.recordings.samples import Measured
 
 
 @takes_recording_options
@@ -262,7 +262,7 @@ def _run(
     options: RecordingOptions,
     output: Path,
     evidence: bool,
-    log: Path | None,
+    log: str | None,
     watched: Watched,
 ) -> int:
     """Map the recording, save and summarize the map; return the exit code."""

@@ -1,14 +1,14 @@
 """Scan matching: corrects poses so that depth images fit a known occupancy map.
 
-Localization is off by some centimeters and a degree, and at 3 m a degree is more than half a cup.
-With a known occupancy map the pose can be better: upright surfaces in the depth image have to lie
+Localization errors are some centimeters and a degree. At 3 m, a degree is more than half the width
+of a cup. A known occupancy map improves the pose: upright surfaces in the depth image must lie
 where the map's free space ends.
 
-Source: the idea of matching against the distance to the nearest obstacle is the likelihood field
-of Thrun, Burgard, Fox, Probabilistic Robotics, 2005, section 6.4; solved by Gauss-Newton steps as
-in Kohlbrecher et al., "A flexible and scalable SLAM system with full 3D motion estimation",
-SSRR 2011, section IV.B. The distance here has a sign, so that both sides of a border pull toward
-it; and the border is that of free space, as nobody sees the far side of a wall.
+Source: matching against the distance to the nearest obstacle is the likelihood field of Thrun,
+Burgard, Fox, Probabilistic Robotics, 2005, section 6.4; solved by Gauss-Newton steps as in
+Kohlbrecher et al., "A flexible and scalable SLAM system with full 3D motion estimation", SSRR 2011,
+section IV.B. Here the distance is signed, so points on both sides of a border are pulled toward it;
+and the border is that of free space, because no camera sees the far side of a wall.
 """
 
 from __future__ import annotations
@@ -34,34 +34,34 @@ from hypermap.mapping.stages import AlignmentConfig
 from hypermap.perception.frame import RgbdFrame
 
 _STEP = 0.015  # between the pixels used, as a share of the focal length: 4 for a 320 x 240 Kinect
-_APART = 2  # steps between two pixels of a column that are tested for an upright surface
+_APART = 2  # steps between the two pixels of a column that are tested for an upright surface
 _LEAN = 0.25  # horizontal distance over difference in height up to which a surface is upright
 _NOISE = 0.002  # standard deviation of the depth divided by its square [1/m]
 _FEWEST = 20  # points that a correction needs
-_TOGETHER = 10  # points with one common error, as those of a wall: so many count as one
+_TOGETHER = 10  # points with a common error, as on a wall: so many count as one
 _MOST_OCCUPIED = 50  # percent; cells that are less likely occupied are free
-_FACING = 0.1  # least cosine between the direction of view and the way into the wall
+_FACING = 0.1  # least cosine between the viewing direction and the inward normal of the wall
 _STEPS = 15  # of Gauss-Newton, at most
-_FAR = 1e3  # meters; the distance where nothing is known
-_SMALL = 1e-4  # meters or radians; a step below this is the last
+_FAR = 1e3  # meters; the distance where the map is unknown
+_SMALL = 1e-4  # meters or radians; the iteration ends with a step below this
 
 
 class Aligner:
     """Corrects x, y and the heading of poses by a known map.
 
-    Each pose is matched by itself: an error of the map in one place does no harm elsewhere, and
-    localization may jump. How much of a correction is applied depends on those before it. If they
-    are no larger than the errors of corrections, as with exact poses, nothing is applied. Nor is it
-    if depth images agree less with each other by corrected poses than by the given ones, as where
-    the poses are exact and the map is bent.
+    Each pose is matched independently: an error of the map in one place does no harm elsewhere, and
+    localization may jump. How much of a correction is applied depends on earlier corrections
+    (`shrinkage`). If they are no larger than their own errors, as with exact poses, nothing is
+    applied. The same holds if depth images agree less with each other by the corrected poses than
+    by the given ones, as with exact poses and a distorted map.
 
     Attributes:
-        config: how far poses may be off, and what is compared.
+        config: expected pose errors, and which points are compared.
         corrections: statistics of the corrections so far.
     """
 
     def __init__(self, occupancy: OccupancyLayer, config: AlignmentConfig) -> None:
-        """Prepare to correct poses that are given in the frame of a map."""
+        """Prepare to correct poses in the frame of an occupancy layer."""
         self.config = config
         self._occupancy = occupancy
         self._borders: _Borders | None = None
@@ -75,14 +75,13 @@ class Aligner:
 
     @property
     def learned(self) -> tuple[float, float, bool]:
-        """What the corrections so far have taught, for `go_on_with`."""
+        """The state to pass to `go_on_with`: two numbers of `Shrinkage`, and the last verdict."""
         return *self._shrinkage.learned, self._agreement.is_worse
 
     def go_on_with(self, size: float, expected: float, is_worse: bool) -> None:
-        """Take over what another aligner has learned.
+        """Take over the state of another aligner (`learned`).
 
-        The depth images by which it judged are not there any more; until there are enough new ones,
-        its last verdict holds.
+        Its depth images are gone; until there are enough new ones, its last verdict holds.
         """
         self._shrinkage.go_on_with((size, expected))
         self._agreement.is_worse = is_worse
@@ -120,14 +119,20 @@ class Aligner:
         position: NDArray[np.float64],
         borders: _Borders,
     ) -> tuple[float, NDArray[np.float64]]:
-        """Return which share of the correction to apply, and the correction.
+        """Return which share of the correction to apply, 0..1, and the correction, shape (3,).
 
-        It is x, y [m] and turn about the camera [rad], and moves the points onto borders.
+        The correction moves the points onto borders: x, y [m], rotation about the camera [rad].
+
+        Args:
+            xy: upright points from the camera, along the axes of the map [m], shape (N, 2).
+            depths: of the points [m], shape (N,).
+            position: of the camera in the map [m], shape (2,).
+            borders: of free space around the camera.
         """
         config = self.config
         expected = np.array([config.position, config.position, math.radians(config.yaw_deg)])
         prior = np.diag(expected**-2.0)
-        # A wall lies anywhere in the outermost of its cells.
+        # A wall may lie anywhere in its outermost cells.
         sigma = borders.resolution / 2 + _NOISE * depths**2
         found = np.zeros(3)
         for _ in range(_STEPS):
@@ -146,8 +151,8 @@ class Aligner:
             found += step
             if np.abs(step).max() < _SMALL:
                 break
-        # If the pose was exact, `found` comes from errors of the measurement alone. Then the mean
-        # of the first number is the second, the number of directions in which the map holds.
+        # If the pose was exact, `found` is measurement error alone. Then the expectation of the
+        # first number is the second: the number of directions that the map constrains.
         size = float(found @ information @ found)
         by_errors = float(np.trace(np.linalg.solve(information, measured)))
         return self._shrinkage.share_of(size, by_errors), found
@@ -162,13 +167,13 @@ class Aligner:
 
 @dataclass(frozen=True, eq=False)
 class _Borders:
-    """How far it is to the nearest border of free space, around a place.
+    """The signed distance to the nearest border of free space, on a grid around a place.
 
     Attributes:
-        distances: meters from the center of each cell, negative beyond the border, shape (H, W).
-        to_cells: takes (x, y, 1) to (col, row, 1) of these cells, shape (3, 3).
+        distances: from the center of each cell [m], negative beyond the border, shape (H, W).
+        to_cells: maps (x, y, 1) to (col, row, 1) of these cells, shape (3, 3).
         resolution: side of a cell [m].
-        center: the middle of the cells [m].
+        center: center of the grid [m], shape (2,).
     """
 
     distances: NDArray[np.float64]
@@ -182,7 +187,7 @@ class _Borders:
     ) -> _Borders | None:
         """Return the borders in a square about a place.
 
-        None if nothing is free there or all is, or if only one row or column of the map is there.
+        None if nothing or everything is free there, or if it covers fewer than two rows or columns.
         """
         grid, values = occupancy.grid, occupancy.cells
         if grid is None or values is None:
@@ -197,21 +202,21 @@ class _Borders:
             return None
         free_side = scipy.ndimage.distance_transform_edt(is_free)
         far_side = scipy.ndimage.distance_transform_edt(~is_free)
-        # The border lies half a cell before the centers of the first cells beyond it, and what
-        # made these cells occupied lies half a cell behind the border in the mean.
+        # The border lies half a cell before the centers of the first cells beyond it. What made
+        # these cells occupied lies half a cell behind the border on average.
         distances = np.where(is_free, free_side, 1 - far_side) * grid.resolution
         to_cells = grid.to_cells_matrix()
         to_cells[:2, 2] -= cols.start, rows.start
         return cls(distances, to_cells, grid.resolution, center.copy())
 
     def is_about(self, position: NDArray[np.float64], reach: float) -> bool:
-        """Return whether a place is near enough to the middle."""
+        """Return whether a place is near enough to the center."""
         return float(np.hypot(*(position - self.center))) <= reach
 
     def at(self, points_xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the distance at each point [m], and how it grows along x and y, shape (N, 2).
+        """Return the distance at each point [m], shape (N,), and its gradient, shape (N, 2).
 
-        Between the centers of cells it is interpolated. Off the cells it is large, and flat.
+        Bilinear between the centers of cells. Outside of the grid it is `_FAR`, with gradient 0.
         """
         places = points_xy @ self.to_cells[:2, :2].T + self.to_cells[:2, 2] - 0.5
         first = np.floor(places).astype(int)
@@ -234,8 +239,8 @@ def upright_points(
     """Return points of upright surfaces: walls, and the sides of furniture.
 
     Returns:
-        x and y of each, counted from the camera, along the axes of the map [m], shape (N, 2); and
-        their depths [m], shape (N,).
+        x and y of each from the camera, along the axes of the map [m], shape (N, 2); and their
+        depths [m], shape (N,).
     """
     K = frame.camera.K
     step = max(1, round(_STEP * min(K[0, 0], K[1, 1])))
@@ -255,7 +260,7 @@ def upright_points(
 def _one_per_cell(
     xy: NDArray[np.float64], depths: NDArray[np.float64], side: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the mean of the points, and of their depths, in each square of the floor."""
+    """Return the mean of the points, and of their depths, in each square of side `side` [m]."""
     cells = np.floor(xy / side).astype(np.int64)
     keys = cells[:, 0] << 32 | (cells[:, 1] & 0xFFFFFFFF)
     _, which, counts = np.unique(keys, return_inverse=True, return_counts=True)

@@ -1,4 +1,8 @@
-"""Data association: which tracks an observed shape belongs to; one small function per method."""
+"""Data association: which tracks an observed shape matches; one function per method.
+
+Each takes the shape, its class, all tracks and the configuration, and returns the rows of the
+tracks of that class that match, the best first.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +17,13 @@ from hypermap.mapping.prepared_polygon import PreparedPolygon, shared_area
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows, TrackShapes
 
-_FARTHEST_CORNER = 5.0  # times the margin that a widened shape reaches at most: GEOS's mitre limit
+_FARTHEST_CORNER = 5.0  # times the margin, the farthest a buffered corner reaches: the miter limit
 
 
 def jaccard(
     shape: PreparedPolygon, class_: int, tracks: TrackShapes, config: EvidenceConfig
 ) -> Rows:
-    """Match by shared area over the area of both together, at least `min_jaccard`."""
+    """Match by the Jaccard index (IoU), at least `min_jaccard`."""
     matches = []
     for row in tracks.near(class_, shape.box):
         shared = shared_area(shape, tracks.polygons[row])
@@ -31,18 +35,18 @@ def jaccard(
 def overlap(
     shape: PreparedPolygon, class_: int, tracks: TrackShapes, config: EvidenceConfig
 ) -> Rows:
-    """Match by shared area over the smaller one's area, at least `min_overlap`.
+    """Match by the overlap coefficient, at least `min_overlap`: shared area over the smaller area.
 
-    Unlike the Jaccard index it also finds a table of which a frame shows one corner. The larger
-    shape is widened by `slack`, so that a thin object still matches when poses are a little off. It
-    is widened by at most a quarter of its size, as two cups that stand close together are two.
+    Unlike the Jaccard index, it also finds a table of which a frame shows one corner. The larger
+    shape is buffered by `slack` [m], so that a thin object still matches when poses are a little
+    off, but by at most a quarter of its size, to keep two cups that are close together apart.
     """
     reach = _FARTHEST_CORNER * min(config.slack, math.sqrt(shape.area) / 4)
     xmin, ymin, xmax, ymax = shape.box
     matches = []
     for row in tracks.near(class_, (xmin - reach, ymin - reach, xmax + reach, ymax + reach)):
         other = tracks.polygons[row]
-        # To widen a shape takes longer than all else here.
+        # Buffering a shape takes longer than everything else here.
         if other.area > shape.area:
             shared = shared_area(shape, other.cached(_widened, config.slack))
         else:
@@ -54,7 +58,7 @@ def overlap(
 def radius(
     shape: PreparedPolygon, class_: int, tracks: TrackShapes, config: EvidenceConfig
 ) -> Rows:
-    """Match what reaches into a box of half side `radius` about the shape's centroid."""
+    """Match tracks that intersect a square of half side `radius` [m] around the centroid."""
     center = shapely.get_coordinates(shapely.centroid(shape.geometry))[0]
     low, high = (center - config.radius).tolist(), (center + config.radius).tolist()
     rows = tracks.near(class_, (*low, *high))
@@ -81,13 +85,13 @@ def _widened(shape: PreparedPolygon, margin: float) -> PreparedPolygon:
 
 
 def _best_first(matches: list[tuple[int, float]], least: float) -> Rows:
-    """Return the rows that match well enough; of equal ones the oldest object first.
+    """Return the rows that match well enough, the best first; of equals the oldest first.
 
     Args:
-        matches: rows in rising order, with how strongly each matches.
-        least: how strongly they must match.
+        matches: rows in ascending order, each with its score.
+        least: lowest score of a match.
     """
     enough = [match for match in matches if match[1] >= least and match[1] > 0]
-    # Rounding in the areas must not decide between two that hold the whole shape.
+    # Rounding in the areas must not decide between two that contain the whole shape.
     enough.sort(key=lambda match: -round(match[1], 9))
     return [row for row, _ in enough]

@@ -1,7 +1,7 @@
 """Edits of a map made by hand, which mapping never undoes.
 
-They are found by comparing the objects of a map with those that mapping had published. So it does
-not matter what changed them: the page, a program, or a text editor.
+They are found by comparing the objects of a map with those that mapping published. So it does not
+matter what changed them: the page, a program, or a text editor.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hypermap.formats.semantic.records import object_from_record, record_from_ob
 from hypermap.history.differences import MOVE
 
 _MEASURED = {"evidence", "z_min", "z_max", MOVE}  # attributes that mapping writes
-_TOLERANCE = 1e-6  # meters between points that are the same
+_TOLERANCE = 1e-6  # meters; points that are closer are equal
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class HandEdit:
 
     @property
     def shape(self) -> BaseGeometry | None:
-        """The shape given by hand; None for none."""
+        """The shape set by hand; None for none."""
         return self.footprint if self.drawn is None else self.drawn.footprint
 
     @property
@@ -60,7 +60,7 @@ class HandEdit:
         return [*changed, *(["attributes"] if self.attributes else [])]
 
     def applied_to(self, found: SemanticObject) -> SemanticObject:
-        """Return the object that mapping has found, with the edits."""
+        """Return an object found by mapping, with the edits applied."""
         return replace(
             found,
             name=found.name if self.name is None else self.name,
@@ -79,9 +79,9 @@ def hand_edits(
     """Return the edits of a layer, by the objects' ids.
 
     Args:
-        published: the objects that mapping had published.
-        layer: as it is now.
-        before: earlier edits, which are contained in `published`.
+        published: the objects that mapping published.
+        layer: the present one.
+        before: earlier edits, which `published` contains.
     """
     edits = dict(before or {})
     unreadable = {entry.position for entry in layer.rejected}

@@ -1,10 +1,10 @@
 """Amodal completion: give objects seen from one side the usual depth of their class.
 
-A shelf between two others shows its front alone, and a map of fronts is full of strips that overlap
-with nothing true. What is missing lies behind what was seen, away from the cameras.
+A shelf between two others shows only its front, so its footprint is a strip that hardly overlaps
+with the true one. The missing part is behind the visible one, away from the cameras.
 
-Source: the idea of completing by what is known of the class is that of Kar, Tulsiani, Carreira,
-Malik, "Amodal completion and size constancy in natural scenes", ICCV 2015; here on the floor.
+Source: completion by knowledge of the class, as in Kar, Tulsiani, Carreira, Malik, "Amodal
+completion and size constancy in natural scenes", ICCV 2015; here on the floor.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ CLASS_DEPTHS: Mapping[str, float] = MappingProxyType(
     }
 )
 _STEP = 0.05  # meters
-_MOST_FREE = 0.5  # of a step that may be known to be free
-_WORTH = 0.02  # meters that a shape must lack
+_MOST_FREE = 0.5  # share of a step that may be known free space
+_WORTH = 0.02  # meters; a smaller missing part is ignored
 
 
 def completed(
@@ -65,10 +65,11 @@ def completed(
     """Return a shape, extended to the usual depth of its class if it was seen from one side.
 
     Args:
-        shape: of the object, map frame [m].
+        shape: of the object in the map frame [m].
         name: its class. Shapes of classes without a known depth stay as they are.
-        cameras_xy: from where it was seen [m], shape (N, 2).
-        is_free: shapes do not grow into the free space that it returns; None for no free space.
+        cameras_xy: positions from which it was seen [m], shape (N, 2).
+        is_free: returns the known free share of an area, into which shapes do not grow; None if
+            nothing is known to be free.
     """
     depth = CLASS_DEPTHS.get(name.replace(" ", "").lower())
     if depth is None or shape.geom_type != "Polygon" or shape.is_empty:
@@ -108,7 +109,7 @@ def _along(shape: BaseGeometry, view: NDArray[np.float64]) -> tuple[NDArray[np.f
 def _room_behind(
     shape: BaseGeometry, away: NDArray[np.float64], most: float, is_free: FreeShare
 ) -> float:
-    """Return how far a shape can grow before it would cover what is known to be free [m]."""
+    """Return how far a shape can grow before it would cover known free space [m]."""
     reached, whole = 0.0, shape
     while reached < most:
         further = min(reached + _STEP, most)
@@ -120,6 +121,6 @@ def _room_behind(
 
 
 def _swept(shape: BaseGeometry, by: NDArray[np.float64]) -> BaseGeometry:
-    """Return the area that a shape sweeps on its way to another place."""
+    """Return the convex hull of a shape and its translation."""
     moved = affinity.translate(shape, *by.tolist())
     return shapely.convex_hull(shapely.union(shape, moved))

@@ -24,7 +24,7 @@ from hypermap.mapping.stages import (
 )
 from hypermap.perception.config import PerceptionConfig
 
-_LEAST_SCORE = 0.3  # for a network, where the profile takes all that is recorded
+_LEAST_SCORE = 0.3  # of a network's detections; profiles accept all recorded ones
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class MappingConfig:
 def profile(name: str) -> MappingConfig:
     """Return a named configuration.
 
-    "thesis" is the method of 2019, with regions grown in the image, nearly as PCL does and in a
-    hundredth of the time (`method: unorganised` does it to the letter); "default" is the best that
-    we know.
+    "thesis" is the method of 2019, with region growing in the image: nearly the same result as
+    PCL's, in a hundredth of the time (`method: unorganised` follows PCL exactly). "default" is the
+    best method that we know.
 
     Raises:
         ValueError: If there is no such profile.
@@ -62,7 +62,7 @@ def load_config(path: str | Path, base: MappingConfig | None = None) -> MappingC
     """Return a configuration with the values that a YAML file overrides.
 
     Args:
-        path: a YAML file of stages and their keys, as `evidence: {loss: 0.1}`.
+        path: a YAML file of stages and their keys, such as `evidence: {loss: 0.1}`.
         base: where all other values come from; the profile "default" if None.
 
     Raises:
@@ -105,7 +105,7 @@ def _with_score(config: MappingConfig, score: float) -> MappingConfig:
 
 
 def to_dict(config: MappingConfig) -> dict[str, Any]:
-    """Return the configuration as plain values, as a YAML file for `load_config` would hold it."""
+    """Return the configuration as plain values, in the form that `load_config` reads."""
     return {stage: dict(values) for stage, values in dataclasses.asdict(config).items()}
 
 

@@ -1,7 +1,7 @@
-"""Whether depth images and poses agree: images must show the same surface in the same place.
+"""Consistency of depth images and poses: images must show the same surface in the same place.
 
-Points of one depth image are moved into another by the poses of both. Where the poses are right,
-the other image has the same depth there. If it has so only with the poses of a moment later, the
+Points of one depth image are projected into another by the poses of both. If the poses are right,
+the other image has the same depth there. If it agrees only with the poses of a moment later, the
 clocks of poses and images differ; if only with all depth multiplied, the unit of depth is wrong.
 """
 
@@ -20,40 +20,40 @@ from hypermap.perception.frame import Camera, RgbdFrame
 
 _COLUMNS = 80  # of a kept image, about
 _NEAR, _FAR = 0.2, 6.0  # meters between which depth is compared
-_SMOOTH = 0.02  # 1/m; pixels that differ by more in disparity from the next one lie at an edge
-_MOST_VIEWS = 48  # are kept; then every other one is dropped, and only every other one added
+_SMOOTH = 0.02  # 1/m; a larger difference in disparity between two pixels is a depth edge
+_MOST_VIEWS = 48  # kept; then every other view is dropped, and only every other one added
 _MOST_POSES = 20_000  # after which frames are ignored
-_PAIRS = 40  # of images that are compared
-_POINTS = 120  # of each image
+_PAIRS = 40  # of images to compare
+_POINTS = 120  # per image
 _FEWEST_VIEWS, _FEWEST_PAIRS = 8, 6
-_OVERLAP = math.cos(math.radians(30))  # least cosine between two directions of view
+_OVERLAP = math.cos(math.radians(30))  # least cosine between two viewing directions
 _APART = 1.5  # meters between two cameras, at most
-_LEAST_SEEN = 0.4  # of the points that the other image has to show
-_MAX_GAP = 0.5  # seconds between two poses across which none is interpolated
-_CAP = 0.03  # 1/m; a larger difference in disparity is an occlusion, or something that moves
+_LEAST_SEEN = 0.4  # share of the points that the other image must show
+_MAX_GAP = 0.5  # seconds; poses are not interpolated across a larger gap
+_CAP = 0.03  # 1/m; a larger difference in disparity is an occlusion or a moving object
 _RATIO_CAP = 0.1  # the same as a share of the depth
-_WORST = 0.8  # mean difference over its cap, above which images hardly agree at all
-_CLEARLY = 0.7  # of the mean difference as recorded, which another turn of the camera has at most
+_WORST = 0.8  # mean difference over its cap, above which images do not agree
+_CLEARLY = 0.7  # another rotation of the camera must reduce the mean difference to this share
 _JUDGED_EVERY = 12  # frames
 _SURELY_WORSE = 2.0  # standard errors
-_SURE = 3.0  # standard errors by which the mean of a difference has to be less
+_SURE = 3.0  # standard errors by which the mean difference must be smaller
 _OFFSETS = np.linspace(-0.78, 0.78, 27)  # seconds
-_REACH = 0.9  # seconds, about an image, for which poses must be known
+_REACH = 0.9  # seconds before and after an image for which poses must be known
 _FINE_OFFSETS = np.linspace(-0.04, 0.04, 5)
-_TRIED = 0.1  # seconds by which poses are moved to see which pairs depend on their times
-_LEVER = 2.0  # meters; distance of the point whose motion is reported
+_TRIED = 0.1  # seconds by which poses are shifted to find the pairs that depend on time
+_LEVER = 2.0  # meters in front of the camera; the point whose motion is reported
 _SCALES = 11.0 ** np.linspace(-1.0, 1.0, 25)
 _FINE_SCALES = np.linspace(0.85, 1.15, 7)
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The value with which depth images and poses agree best.
+    """The time offset or depth scale with which depth images and poses agree best.
 
     Attributes:
-        value: seconds, or a factor.
+        value: an offset [s] or a factor.
         is_sure: whether they agree clearly better than as recorded.
-        moves: by how much objects in the map are off for it [m].
+        moves: how far objects in the map are displaced without it [m].
     """
 
     value: float
@@ -83,7 +83,7 @@ class Consistency:
         self._rng = np.random.default_rng(0)
 
     def add(self, frame: RgbdFrame) -> None:
-        """Take a frame with a valid pose, in order of time."""
+        """Add a frame with a valid pose, in order of time."""
         is_late = bool(self._stamps) and frame.stamp <= self._stamps[-1]
         if is_late or len(self._stamps) == _MOST_POSES:
             return
@@ -129,7 +129,7 @@ class Consistency:
         return replace(fit, moves=float(np.median(moves)))
 
     def depth_scale(self) -> Fit | None:
-        """Return the factor by which all depth is to be multiplied.
+        """Return the factor by which all depth must be multiplied.
 
         None if unknown: the camera has hardly moved.
         """
@@ -144,8 +144,8 @@ class Consistency:
             _SCALES,
             lambda best: best * _FINE_SCALES,
             as_recorded=1.0,
-            # With much larger depth, motions between images count for nothing. Where poses drift,
-            # that alone makes images agree better, and says nothing of the unit of depth.
+            # With much larger depth, motion between images hardly matters. If poses drift, that
+            # alone makes images agree better, and says nothing about the unit of depth.
             others=(float(_SCALES[-1]),),
         )
 
@@ -156,7 +156,7 @@ class Consistency:
             others: `map_T_camera` of frames by their stamps, shape (4, 4).
 
         Returns:
-            The mean gain over its standard error; None if too few images show the same objects.
+            The mean gain over its standard error; None if too few images overlap.
         """
         views = [view for view in self._views if view.stamp in others]
         if len(views) < _FEWEST_VIEWS:
@@ -178,9 +178,9 @@ class Consistency:
         return {view.stamp for view in self._views}
 
     def turn_deg(self) -> int:
-        """Return how far the camera is rotated about its optical axis, unlike its poses say.
+        """Return the rotation of the images about the optical axis that the poses lack [degrees].
 
-        0, 90, 180 or 270 degrees; 0 if unknown.
+        0, 90, 180 or 270; 0 if unknown.
         """
         if len(self._views) < _FEWEST_VIEWS:
             return 0
@@ -217,7 +217,7 @@ class Consistency:
 def _pairs(
     views: list[_View], key: Callable[[IntArray, IntArray], NDArray[np.float64]]
 ) -> tuple[IntArray, IntArray]:
-    """Return the pairs of views with the largest keys of those that look at the same objects."""
+    """Return the pairs of overlapping views with the largest keys, as two arrays of shape (P,)."""
     poses = np.array([view.map_T_camera for view in views])
     i, j = np.nonzero(~np.eye(len(views), dtype=bool))
     same_way = np.sum(poses[i, :3, 2] * poses[j, :3, 2], axis=1) > _OVERLAP
@@ -230,14 +230,14 @@ def _pairs(
 def _moves(
     earlier: NDArray[np.float64], later: NDArray[np.float64], i: IntArray, j: IntArray
 ) -> NDArray[np.float64]:
-    """Return how much the pose of view j seen from view i depends on when the poses are taken."""
+    """Return how much the pose of view j relative to view i changes between two sets of poses."""
     change = invert(earlier[j]) @ earlier[i] - invert(later[j]) @ later[i]
     turn = np.linalg.norm(change[:, :3, :3], axis=(1, 2))
     return np.asarray(np.linalg.norm(change[:, :3, 3], axis=1) + _LEVER * turn)
 
 
 def _displacements(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far a point in front of each camera moves between two sets of poses [m]."""
+    """Return how far a point in front of each camera moves between two sets of poses [m], (N,)."""
     ahead = np.array([0.0, 0.0, _LEVER, 1.0])
     return np.asarray(np.linalg.norm((one @ ahead - other @ ahead)[:, :3], axis=1))
 
@@ -245,11 +245,11 @@ def _displacements(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDAr
 class Agreement:
     """Whether depth images agree less with each other by corrected poses than by the given ones.
 
-    Where poses are exact, a map that is bent only takes images of one place apart. Where they are
-    not, corrections bring them together.
+    With exact poses, corrections by a distorted map pull images of one place apart. Otherwise,
+    corrections bring them together.
 
     Attributes:
-        is_worse: whether they do, as far as is known.
+        is_worse: whether they agree less, as far as is known.
     """
 
     def __init__(self) -> None:
@@ -259,7 +259,7 @@ class Agreement:
         self._frames = 0
 
     def add(self, frame: RgbdFrame, corrected: NDArray[np.float64]) -> None:
-        """Take a frame with the pose that was given, and the corrected one, shape (4, 4)."""
+        """Add a frame with its given pose, and the corrected `map_T_camera`, shape (4, 4)."""
         self._given.add(frame)
         self._corrected[frame.stamp] = corrected
         self._frames += 1
@@ -271,7 +271,7 @@ class Agreement:
 
 
 class _Comparison:
-    """Pairs of views, of which the first is laid onto the second."""
+    """Pairs of views; points of the first are projected into the second."""
 
     def __init__(self, views: list[_View], i: IntArray, j: IntArray) -> None:
         self._i, self._j = i, j
@@ -280,7 +280,7 @@ class _Comparison:
         self._K = views[0].camera.K
 
     def in_disparity(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how much the views of each pair differ, 0..1, shape (P,).
+        """Return the mean capped difference of each pair, as a share of the cap, 0..1, shape (P,).
 
         Args:
             poses: `map_T_camera` of all views, shape (V, 4, 4).
@@ -296,7 +296,7 @@ class _Comparison:
     def _both(
         self, poses: NDArray[np.float64], scale: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the depth that each point has in the second view, and what this shows there.
+        """Return each point's depth in the second view, and the depth measured there [m], (P, N).
 
         NaN where the point is not visible.
         """
@@ -331,14 +331,14 @@ def _best(
 ) -> Fit | None:
     """Return the value at which the pairs differ least.
 
-    None if too few pairs agree with any, or the best lies at an end, behind which a better may be.
+    None if too few pairs agree at any value, or the best is at an end, as a better may lie beyond.
 
     Args:
         costs_at: how much each pair differs at a value, shape (P,).
-        values: those that are tried.
-        finer: those to be tried about the best of them.
-        as_recorded: what stands for the recording as it is.
-        others: values than which the best has to be clearly better, too.
+        values: to try.
+        finer: returns more values to try around the best one.
+        as_recorded: the value of the unchanged recording.
+        others: further values that the best must clearly beat.
     """
     costs = np.array([costs_at(value) for value in values])
     agree = costs.min(axis=0) < _WORST

@@ -1,4 +1,4 @@
-"""Correct poses afterwards: map the logged frames again, each from where it really was taken."""
+"""Correct poses afterwards: rebuild the map from the logged frames at their corrected poses."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.tracks import TrackTable
 from hypermap.mapping.usable import FARTHEST_POSE
 
-_ROUNDING = 1e-9  # by which numbers of poses differ that are the same
+_ROUNDING = 1e-9  # largest difference between the numbers of equal poses
 
 
 class CannotCorrect(HypermapError):
-    """The poses of a map's frames cannot be replaced by others."""
+    """The poses of a map's frames cannot be replaced."""
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """What became of the poses.
+    """The effect of a correction of poses.
 
     Attributes:
-        frames: how many were moved.
-        kept: how many stayed, as no new pose is known for their whole drive.
-        mean: how far the moved ones moved over the floor, on average [m].
-        most: at most [m].
-        motions: returns how the map near each of all frames moved.
+        frames: how many frames were moved.
+        kept: how many stayed, because no new pose is known for their drive.
+        mean: mean displacement of the moved frames over the floor [m].
+        most: largest displacement [m].
+        motions: returns the motion of the map near each frame.
     """
 
     frames: int
@@ -58,9 +58,9 @@ class Correction:
         is_moved: NDArray[np.bool_],
         is_under_way: bool,
     ) -> Correction:
-        """Return it from the frames as they are, their new poses, and which of them are new.
+        """Return the effect of new poses on the logged frames.
 
-        The arguments and the arrays are those of `corrected_poses`.
+        The arguments are those of `corrected_poses` and its results.
         """
         stamps, before = log.stamps, log.poses
         moves = np.linalg.norm((after - before)[is_moved, :2, 3], axis=1)
@@ -69,7 +69,7 @@ class Correction:
         return cls(count, len(is_moved) - count, float(moves.mean()), float(moves.max()), motions)
 
     def sentence(self) -> str:
-        """Return it in words."""
+        """Return it as a sentence."""
         stayed = f"; {self.kept} of other drives stayed" if self.kept else ""
         return (
             f"corrected the poses of {self.frames} frames by {self.mean:.2f} m on average, "
@@ -79,7 +79,7 @@ class Correction:
 
 @dataclass(frozen=True, eq=False)
 class MappedAgain:
-    """The map of the logged frames from other poses."""
+    """The map rebuilt from the logged frames at other poses."""
 
     evidence: EvidenceMap
     occupancy: OccupancyMapper
@@ -89,22 +89,22 @@ class MappedAgain:
 def corrected_poses(
     log: FrameLog, drives: Sequence[Drive], trajectory: Trajectory, is_under_way: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the poses of all logged frames, and which of them the trajectory gives.
+    """Return the poses of all logged frames, and which of them are from the trajectory.
 
     The frames of a drive are corrected together, or none of them.
 
     Args:
         log: the frames.
-        drives: which they belong to, by their stamps.
+        drives: the drives that the frames belong to, by their stamps.
         trajectory: of the camera's optical frame in the map.
-        is_under_way: whether the last drive goes on: its frames before and after the trajectory
-            are corrected, too, as the nearest one within.
+        is_under_way: whether the last drive continues: its frames before and after the trajectory
+            get the nearest correction.
 
     Returns:
         Shapes (N, 4, 4) and (N,).
 
     Raises:
-        CannotCorrect: If it has no pose for some frames of a drive, or for no frame at all.
+        CannotCorrect: If the trajectory lacks poses for some frames of a drive, or for all frames.
     """
     stamps, poses = log.stamps, log.poses
     begin, end = float(trajectory.stamps[0]), float(trajectory.stamps[-1])
@@ -135,15 +135,15 @@ def corrected_poses(
 def _moved_along(
     stamps: NDArray[np.float64], poses: NDArray[np.float64], trajectory: Trajectory
 ) -> NDArray[np.float64]:
-    """Return the poses as the trajectory corrects them, shape (N, 4, 4).
+    """Return the poses as corrected by the trajectory, shape (N, 4, 4).
 
-    The corrections are interpolated, and not the poses: they change slowly while the camera turns.
-    Frames outside of the trajectory get the nearest correction.
+    This interpolates the corrections, not the poses: they change slowly even while the camera
+    turns. Frames outside of the trajectory get the nearest correction.
     """
     own_stamps, rows = np.unique(stamps, return_index=True)
     own = trajectory_of(own_stamps, poses[rows])
     known = trajectory.stamps[own.covers(trajectory.stamps)]
-    if len(known) == 0:  # all frames are between two of its poses
+    if len(known) == 0:  # all frames are between two poses of the trajectory
         known = np.clip(own_stamps, trajectory.stamps[0], trajectory.stamps[-1])
         known = np.unique(known)
     corrections = trajectory_of(known, trajectory.at(known) @ invert(own.at(known)))
@@ -158,18 +158,18 @@ def map_again(
     is_free: FreeShare | None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> MappedAgain:
-    """Return the map of the logged frames as taken from other poses.
+    """Return the map rebuilt from the logged frames at other poses.
 
-    Objects keep their ids, pictures and edits made by hand; the images are not needed. The parts
-    of the log before the first frame that moves stay as they are.
+    Objects keep their ids, pictures and edits made by hand; images are not needed. The parts of the
+    log before the first frame that moves stay unchanged.
 
     Args:
         log: the frames, and the map before them.
-        poses: map_T_camera of each, shape (N, 4, 4).
-        before: the map as it is.
-        config: with which it was made.
+        poses: `map_T_camera` of each frame, shape (N, 4, 4).
+        before: the present map.
+        config: the configuration that made it.
         is_free: as in `EvidenceMap`.
-        on_progress: called with the number of frames that are mapped again, and of all such.
+        on_progress: called with the number of frames done and the number of all frames to map.
 
     Raises:
         FormatError: If the log is damaged.
@@ -210,7 +210,7 @@ def map_again(
 
 
 def _parts_that_stay(log: FrameLog, poses: NDArray[np.float64]) -> int:
-    """Return how many parts of a log, but the last one, are before the first frame that moves."""
+    """Return how many parts of a log, except the last, are before the first frame that moves."""
     ends = np.cumsum([len(part.frames) for part in log.parts])
     moves = np.abs(poses - log.poses).max(axis=(1, 2)) > _ROUNDING
     first = int(np.argmax(moves)) if moves.any() else len(poses)
@@ -225,7 +225,7 @@ def _map_now(first: MapBefore, evidence: EvidenceMap, occupancy: OccupancyMapper
 def _with_ids_of(
     known: TrackTable, before: MapBefore, fixed: frozenset[int], config: MappingConfig
 ) -> MapBefore:
-    """Return a map between two parts of the log with the ids that its tracks have in the end."""
+    """Return a map between two parts of the log, with the final ids of its tracks."""
     tracks = with_known_ids(before.tracks, known, fixed, config)
     return MapBefore.of(tracks, before.first_cell, before.log_odds)
 
@@ -233,14 +233,14 @@ def _with_ids_of(
 def with_known_ids(
     tracks: TrackTable, known: TrackTable, fixed: frozenset[int], config: MappingConfig
 ) -> TrackTable:
-    """Return tracks with what the same objects have in another table: ids, pictures, embeddings.
+    """Return tracks with the ids, pictures and embeddings of the same objects in another table.
 
-    Two tracks are of one object if they share observations; those that share most come first.
+    Two tracks are one object if they share observations; those that share most are matched first.
 
     Args:
-        tracks: with ids of their own.
-        known: with the ids to use.
-        fixed: ids that mean the same in both.
+        tracks: the tracks to renumber.
+        known: the tracks with the ids to use.
+        fixed: ids that mean the same object in both.
         config: of both.
     """
     ids = _matching_ids(tracks, known, fixed)
@@ -263,7 +263,7 @@ def with_known_ids(
 
 
 def _matching_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> dict[int, int]:
-    """Return the known id of each track, by its own id, where there is one."""
+    """Return the known ids by the tracks' own ids, for the tracks that have one."""
     owners: dict[tuple[str, float, float], set[int]] = {}
     for track in known.objects:
         for item in track.buffer.items:
@@ -275,7 +275,7 @@ def _matching_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) 
                 shared[track.id, owner] += 1
     ids: dict[int, int] = {}
     taken: set[int] = set()
-    # Of tracks that share as much, those stay whose ids mean the same.
+    # Ties go to tracks whose ids mean the same object.
     for (own, owner), _ in sorted(
         shared.items(), key=lambda pair: (-pair[1], pair[0][0] != pair[0][1], pair[0])
     ):

@@ -29,21 +29,26 @@ class Corrections:
         self._left: Counter[str] = Counter()
 
     def add(self, distance: float, turn: float) -> None:
-        """Count a pose that was moved so far over the floor [m] and turned by so much [rad]."""
+        """Count a corrected pose.
+
+        Args:
+            distance: by which it was moved over the floor [m].
+            turn: by which it was rotated [rad].
+        """
         if max(distance, abs(turn)) < _LEAST:
             self.leave(UNCHANGED)
         else:
             self._sizes.append((distance, abs(turn)))
 
     def leave(self, reason: str) -> None:
-        """Count a pose that stayed as it was, and why."""
+        """Count a pose that stayed as recorded, by the reason."""
         self._left[reason] += 1
 
     def summary(self) -> dict[str, Any]:
         """Return the counts, for a map's metadata.
 
-        `corrected` frames, by `median_m` and `median_deg`, at most by `most_m` and `most_deg`; and
-        `as_recorded`, how many stayed as they were, by reason.
+        `corrected`: number of frames, moved by `median_m` and `median_deg`, at most by `most_m` and
+        `most_deg`; `as_recorded`: numbers of unchanged frames by reason.
         """
         found: dict[str, Any] = {"corrected": len(self._sizes)}
         if self._sizes:

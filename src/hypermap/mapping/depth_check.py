@@ -1,6 +1,6 @@
-"""A plausibility check of depth: a wrong unit would silently give an empty map.
+"""A plausibility check of depth, because a wrong unit would silently give an empty map.
 
-It looks at a few hundred pixels of each frame.
+It samples a few hundred pixels of each frame.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from hypermap.perception.frame import RgbdFrame
 
 _LOOKED_AT = 30  # rows and columns of a frame that are sampled, about
-_FARTHEST = 50.0  # meters, within which half of the depth of any camera lies
-_SATURATED = 10.0  # meters; beyond it, no real surface fills an image at one single depth
+_FARTHEST = 50.0  # meters; the median depth of any real camera is smaller
+_SATURATED = 10.0  # meters; beyond it, no real surface fills an image at a single depth
 _SAME = 0.95  # share of an image at one depth
 _FEW = 0.05  # share of pixels with depth
 _NEAR = 0.1  # meters
@@ -34,10 +34,10 @@ def why_implausible(frame: RgbdFrame) -> str | None:
 
 
 class DepthCheck:
-    """Counts frames with odd depth, and tells the likely cause if there are many."""
+    """Counts frames with implausible depth, and names the likely cause if there are many."""
 
     def __init__(self, max_depth: float) -> None:
-        """Count depth beyond `max_depth` [m], where no objects are looked for, as odd."""
+        """Prepare a check; depth beyond `max_depth` [m], the limit for objects, is implausible."""
         self._max_depth = max_depth
         self._frames = 0
         self._odd = dict.fromkeys(("few", "near", "far"), 0)
@@ -52,7 +52,7 @@ class DepthCheck:
         self._odd["far"] += middle > self._max_depth
 
     def why_odd(self) -> str | None:
-        """Return what is odd about most frames; None if nothing is."""
+        """Return what is implausible about most frames; None if nothing is."""
         if self._frames == 0:
             return None
         causes = {

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from hypermap.perception.frame import RgbdFrame
 
-_EVERY = 8  # rows and columns of a depth image that identify it
-_AHEAD = 86_400  # seconds that another clock may be ahead of ours
-_NO_CLOCK = 1e8  # seconds; smaller stamps count from the start of something, not from 1970
+_EVERY = 8  # every so many rows and columns of a depth image identify it
+_AHEAD = 86_400  # seconds by which another clock may be ahead of ours
+_NO_CLOCK = 1e8  # seconds; smaller stamps do not count from 1970
 
 
 def frame_key(frame: RgbdFrame) -> int:
@@ -53,10 +53,7 @@ class Drive:
 
     @property
     def time(self) -> float | None:
-        """When it ended, in seconds since 1970; None if its clock does not say so.
-
-        A clock that began at 0, or is ahead of ours, does not.
-        """
+        """When it ended, seconds since 1970; None if its clock began at 0 or is ahead of ours."""
         return self.last if self.keys and self.last > _NO_CLOCK and not self.is_ahead else None
 
     @property
@@ -65,7 +62,7 @@ class Drive:
         return bool(self.keys) and self.last > time.time() + _AHEAD
 
     def described(self) -> dict[str, Any]:
-        """Return its entry in a map's metadata: times in UTC if the stamps allow it."""
+        """Return its entry in a map's metadata; times are in UTC if the clock is right."""
         facts: dict[str, Any] = {"name": self.name, "frames": len(self.keys)}
         if self.keys and self.first > _NO_CLOCK:
             facts |= {"began": wall_clock(self.first), "ended": wall_clock(self.last)}
@@ -88,7 +85,7 @@ class EarlierDrives:
 
 
 def wall_clock(stamp: float) -> str:
-    """Return a stamp as a time of day in UTC, in the form of ISO 8601.
+    """Return a stamp as date and time in UTC, in ISO 8601 format.
 
     >>> wall_clock(1_700_000_000.4)
     '2023-11-14T22:13:20Z'
@@ -100,14 +97,14 @@ def wall_clock(stamp: float) -> str:
 
 
 def map_id(drives: Sequence[Drive], config: Mapping[str, Any]) -> str:
-    """Return the id of a new map, by what it is made of: 16 hexadecimal digits."""
+    """Return the id of a new map, a hash of drives and configuration: 16 hexadecimal digits."""
     first = [(drive.name, drive.first, drive.keys[0]) for drive in drives[:1]]
     said = json.dumps([first, config], sort_keys=True)
     return hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
 
 
 def packed(drives: list[Drive]) -> tuple[list[dict[str, Any]], NDArray[np.uint32]]:
-    """Return drives as facts for JSON, and their keys, one drive after the other."""
+    """Return drives as values for JSON, and their keys in one array, shape (N,)."""
     known = [drive for drive in drives if drive.keys]
     facts = [
         {"name": d.name, "first": d.first, "last": d.last, "frames": len(d.keys)} for d in known

@@ -32,7 +32,7 @@ from hypermap.perception.observation import Observation, ObservedObject
 
 _log = logging.getLogger(__name__)
 
-_SAME_PLACE = 0.5  # Jaccard index of published footprints from which two tracks are one object
+_SAME_PLACE = 0.5  # Jaccard index from which two published footprints are one object
 _CO_OCCURRENCE_SHARE = 0.2  # share of a track's frames that also show another: then they are two
 
 
@@ -40,15 +40,16 @@ class EvidenceMap:
     """Objects and the evidence for them.
 
     Each observed shape is associated with the tracks of its class. A track's shape is fused from
-    its evidence, and its existence grows. Tracks that the frame should have shown, and did not,
-    lose existence. A track is published when it has enough of it and pruned when it has too little.
+    its evidence, and its existence grows. Missed detections lower the existence of tracks that the
+    frame should have shown. A track is published above one threshold of existence and pruned below
+    another.
 
     Attributes:
-        config: how all of this is done.
-        ignored: how many observed shapes were left out because they are not areas.
+        config: the settings.
+        ignored: how many observed shapes were skipped because they have no area.
         shown: the objects of the last frame, each with the id of its track.
-        is_free: tells how much of an area is known to be free, where no published shape grows;
-            None for nothing.
+        is_free: returns the known free share of an area, 0..1, into which published shapes are not
+            completed; None if nothing is known.
     """
 
     def __init__(self, config: EvidenceConfig, is_free: FreeShare | None = None) -> None:
@@ -59,7 +60,7 @@ class EvidenceMap:
         self._associate = ASSOCIATIONS[config.association]
         self._fuse = FUSIONS[config.fusion]
         self._observed: set[int] = set()  # ids of the tracks that this frame shows
-        self._touched: dict[int, tuple[Track, Track]] = {}  # with copies from before the frame
+        self._touched: dict[int, tuple[Track, Track]] = {}  # changed tracks, and copies
         self._classes: dict[str, int] = {}
         self._tracks = TrackTable(config.max_existence)
         self._edited = False  # whether people have edited anything
@@ -69,7 +70,7 @@ class EvidenceMap:
         return len(self._as_published().rows())
 
     def update(self, observation: Observation) -> None:
-        """Add one frame. If that fails, the map stays as it was.
+        """Add one frame. If that fails, the map stays unchanged.
 
         Empty and invalid shapes, and those without area, are skipped and counted.
         """
@@ -92,7 +93,7 @@ class EvidenceMap:
             _log.info("frame %.6f: skipped shapes without area", observation.stamp)
         if self.config.class_sizes == "usual":
             found = [(item, one) for item, one in found if is_usual(item.name, one)]
-        # All are compared with the tracks from before the frame, so their order does not matter.
+        # All are compared with the tracks before this frame, so their order does not matter.
         misclassified = [self._misclassified(item.name, evidence) for item, evidence in found]
         tracks = [
             self._add(item.name, evidence) if actual is None else actual
@@ -113,15 +114,15 @@ class EvidenceMap:
         return PublishedTracks(self._tracks, self.config, self.is_free, self._edited)
 
     def tracks(self) -> TrackTable:
-        """Return all tracks as they are now; later frames do not change them."""
+        """Return a copy of all tracks, which later frames do not change."""
         return self._tracks.snapshot()
 
     def go_on_with(self, tracks: TrackTable, by_hand: Mapping[int, HandEdit] | None = None) -> None:
         """Take over the tracks of an evidence map with the same configuration.
 
         Args:
-            tracks: of that map; they become those of this one.
-            by_hand: what people have done to its objects, by their ids.
+            tracks: of that map; this one owns them from now on.
+            by_hand: edits made by hand, by the objects' ids.
         """
         self._tracks = protected(tracks, by_hand or {}, self.config)
         self._edited = any(track.by_hand is not None for track in self._tracks.objects)
@@ -132,7 +133,7 @@ class EvidenceMap:
             self._follow_moves()
 
     def hand_edits(self) -> dict[int, HandEdit]:
-        """Return what people have done to objects, by their ids."""
+        """Return the edits made by hand, by the objects' ids."""
         return self._tracks.hand_edits()
 
     def objects(self, ids: Collection[int] | None = None) -> list[SemanticObject]:
@@ -141,15 +142,15 @@ class EvidenceMap:
         An object keeps its id between calls. Merged objects keep the oldest id.
 
         Args:
-            ids: which of them; None for all. Only where all are asked for are objects landmarks
-                for each other (`landmarks`), and is there one class for each place (`slip`).
+            ids: only these; None for all. Only with None are objects landmarks for each other
+                (`landmarks`), and is there one class per place (`slip`).
         """
         return self._as_published().objects(ids)
 
     def summary(self) -> list[tuple[int, int, float]]:
-        """Return id, number of pieces of evidence and existence of each object of `objects`.
+        """Return the id, the number of pieces of evidence and the existence of each object.
 
-        This is cheap. An object's shape changes only when its evidence does.
+        This is fast. An object's shape changes only when its evidence does.
         """
         return self._as_published().summary()
 
@@ -161,13 +162,13 @@ class EvidenceMap:
         Args:
             name: of the layer.
             frame_id: its frame.
-            is_final: whether objects are landmarks for each other (`landmarks`); if not, it is
-                quicker, as only shapes whose evidence has changed are made again.
+            is_final: whether objects are landmarks for each other (`landmarks`). False is faster:
+                only shapes whose evidence has changed are fused again.
         """
         return self._as_published().layer(name, frame_id, is_final)
 
     def evidence(self, object_id: int) -> tuple[Evidence, ...]:
-        """Return the evidence that is kept for an object, oldest first.
+        """Return the kept evidence for an object, oldest first.
 
         Raises:
             KeyError: If there is no such object, or it was pruned or merged into another.
@@ -178,33 +179,36 @@ class EvidenceMap:
         return tuple(self._tracks.objects[rows[0]].buffer.items)
 
     def pictures(self, object_id: int) -> tuple[ObjectPicture, ...]:
-        """Return the pictures that are kept for an object, best first; none if it is gone."""
+        """Return the pictures of an object, best first; none if its track was removed."""
         rows = self._tracks.rows_of([object_id])
         return self._tracks.objects[rows[0]].buffer.pictures if rows else ()
 
     def class_of(self, object_id: int) -> str:
-        """Return the class of an object; empty if it is gone."""
+        """Return the class of an object; empty if its track was removed."""
         rows = self._tracks.rows_of([object_id])
         return self._tracks.objects[rows[0]].name if rows else ""
 
     def keep_pictures(self, object_id: int, pictures: tuple[ObjectPicture, ...]) -> None:
-        """Keep pictures for an object instead of those before, if it is still there."""
+        """Replace the pictures of an object, if its track still exists."""
         for row in self._tracks.rows_of([object_id]):
             self._tracks.objects[row].buffer.pictures = pictures
 
     def add_embedding(self, object_id: int, embedding: Embedding) -> None:
-        """Add what a view of an object looks like, if it is still there."""
+        """Add the embedding of a view of an object, if its track still exists."""
         for row in self._tracks.rows_of([object_id]):
             buffer = self._tracks.objects[row].buffer
             buffer.embedding = embedding.plus(buffer.embedding)
 
     def embedding_model(self) -> str | None:
-        """Return which encoders made the embeddings of the objects; None if there are none."""
+        """Return the name of the encoders that made the embeddings; None if there are none."""
         looks = (track.buffer.embedding for track in self._tracks.objects)
         return next((look.model for look in looks if look is not None), None)
 
     def _misclassified(self, name: str, evidence: Evidence) -> int | None:
-        """Return the id of the confirmed track of another class that this really is."""
+        """Return the id of the confirmed track of another class that was misclassified here.
+
+        None if there is none.
+        """
         if self.config.slip >= 1:
             return None
         class_, shapes, objects = self._classes.get(name), self._tracks.shapes, self._tracks.objects
@@ -220,14 +224,14 @@ class EvidenceMap:
         return actual if best >= self.config.slip else None
 
     def _add(self, name: str, evidence: Evidence) -> int:
-        """Add evidence to the track it belongs to, old or new, and return the track's id."""
+        """Add evidence to an existing or new track, and return the track's id."""
         class_ = self._classes.setdefault(name, len(self._classes))
         matches = self._associate(evidence.prepared, class_, self._tracks.shapes, self.config)
         if self.config.exclusive:
             matches = self._tracks.excluding(matches, self._observed)
         there = [row for row in matches if self._may_be(row)]
         there = [row for row in there if not self._is_remembered(row)] or there
-        if matches and not there:  # what people have deleted does not come back
+        if matches and not there:  # objects deleted by hand do not come back
             return self._tracks.objects[matches[0]].id
         matches = there
         if len(matches) == 0:
@@ -270,25 +274,25 @@ class EvidenceMap:
         return row
 
     def _may_be(self, row: int) -> bool:
-        """Return whether a track may be there: not if people have deleted it."""
+        """Return whether a track may exist: not if it was deleted by hand."""
         return not (self._edited and self._tracks.objects[row].is_deleted)
 
     def _is_published(self, row: int) -> bool:
         return bool(self._tracks.existence[row] > self.config.publish_above)
 
     def _is_remembered(self, row: int) -> bool:
-        """Return whether a track is long gone, and stays only as it may be at another place."""
+        """Return whether a track is gone, and kept only because its object may be elsewhere."""
         return self.config.moves and self._tracks.existence[row] <= self.config.forget_below
 
     def _is_there(self, row: int) -> bool:
-        """Return whether a track may be there, and is not long gone."""
+        """Return whether a track may exist and is not gone."""
         return self._may_be(row) and self._tracks.existence[row] > self.config.forget_below
 
     def _mergeable(self, rows: Rows) -> Rows:
-        """Return the rows that may become one track, first that which stays: the oldest.
+        """Return the rows that may be merged; the first one is kept.
 
-        One that people have edited stays before others, and no two of them become one. So does one
-        that is published, which people may know by its id.
+        This is the oldest, but tracks edited by hand come before published ones, whose ids people
+        may know, and these before others. Of those edited by hand, at most one is returned.
         """
         rows = sorted(row for row in rows if self._may_be(row))
         if self.config.moves:
@@ -299,7 +303,7 @@ class EvidenceMap:
         return [*edited[:1], *(row for row in rows if row not in edited)]
 
     def _merge_overlapping(self, row: int) -> int:
-        """Merge a track with those that its own shape matches, until there are none."""
+        """Merge a track with those that its fused shape matches, until there are none."""
         while True:
             shape, class_ = self._tracks.shapes.polygons[row], int(self._tracks.shapes.classes[row])
             matches = self._associate(shape, class_, self._tracks.shapes, self.config)
@@ -316,7 +320,7 @@ class EvidenceMap:
     def _may_merge(self, row: int, match: int) -> bool:
         """Return whether two tracks may be merged: not if many frames show both.
 
-        A few frames may have shown one object in two parts, if the tracks fill the same space.
+        A few frames may show one object in two parts, if the tracks fill the same space.
         """
         if row == match:
             return True
@@ -339,7 +343,7 @@ class EvidenceMap:
         return bool(shared >= _SAME_PLACE * (one.area + other.area - shared))
 
     def _count_co_occurrences(self) -> None:
-        """Count which tracks of one class this frame shows together."""
+        """Count the co-occurrences of tracks of one class in this frame."""
         shown = [self._touch(row) for row in self._tracks.rows_of(self._observed)]
         for track in shown:
             track.co_occurrences.update(
@@ -347,15 +351,15 @@ class EvidenceMap:
             )
 
     def _transfer_co_occurrences(self, merged: Track, kept: Track) -> None:
-        """Move the co-occurrences of a merged track to the one that stays, on both sides."""
+        """Move the co-occurrences of a merged track to the one that is kept, on both sides."""
         kept.co_occurrences.update(merged.co_occurrences)
         for row in self._tracks.rows_of(merged.co_occurrences):
             neighbor = self._touch(row)
             neighbor.co_occurrences[kept.id] += neighbor.co_occurrences.pop(merged.id)
-        del kept.co_occurrences[kept.id]  # of frames that showed the two
+        del kept.co_occurrences[kept.id]  # from frames that showed both
 
     def _forget_co_occurrences(self, pruned: Track) -> None:
-        """Drop the co-occurrences of a pruned track from the tracks that stay."""
+        """Drop the co-occurrences with a pruned track."""
         for row in self._tracks.rows_of(pruned.co_occurrences):
             self._touch(row).co_occurrences.pop(pruned.id)
 
@@ -369,14 +373,14 @@ class EvidenceMap:
         track.pending = 0
 
     def _note_gone(self, stamp: float) -> None:
-        """Keep since when tracks are gone."""
+        """Note the stamp since which each track is gone."""
         is_gone = (self._tracks.existence <= GONE).tolist()
         for row, (track, gone) in enumerate(zip(self._tracks.objects, is_gone, strict=True)):
             if gone != (track.gone_since is not None):
                 self._touch(row).gone_since = stamp if gone else None
 
     def _follow_moves(self) -> None:
-        """Give the ids of objects that were moved to the tracks that they have become."""
+        """Give moved objects, which appear as new tracks, their old ids."""
         for move in find_moves(self._tracks, self.config):
             (row,), (other,) = (self._tracks.rows_of([n]) for n in (move.gone, move.there))
             track, there = self._touch(row), self._touch(other)

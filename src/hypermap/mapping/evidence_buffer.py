@@ -22,14 +22,14 @@ from hypermap.mapping.columns import Column
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.perception.observation import Observation, ObservedObject
 
-_STEPS = 4096  # per meter, to which the points of visible areas are rounded
+_STEPS = 4096  # per meter; points of visible areas are rounded to such steps
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """One observed shape, with the view from which it was seen.
 
-    The camera's pose and the stamp stay with it, so that a corrected trajectory can move it.
+    It keeps the camera's pose and the stamp, so that a corrected trajectory can move it.
 
     Attributes:
         stamp: time of the frame [s].
@@ -75,8 +75,8 @@ def evidence_from(
 
     Args:
         observation: the frame.
-        abstain: "outside": the frame has seen all of its visible area; "hidden": it has not seen
-            what lies behind walls.
+        abstain: "outside": the frame has seen its whole visible area; "hidden": not what is hidden
+            behind walls.
     """
     footprints = as_objects(observed.footprint for observed in observation.objects)
     is_usable = shapely.is_valid(footprints)
@@ -111,7 +111,7 @@ def evidence_from(
 
 
 def _rounded(area: BaseGeometry) -> BaseGeometry:
-    """Return an area with points at whole steps, which files keep in a quarter of the space."""
+    """Return an area with rounded points, which take a quarter of the space in files."""
     rounded: BaseGeometry = shapely.transform(area, lambda xy: np.round(xy * _STEPS) / _STEPS)
     return rounded if shapely.is_valid(rounded) else area
 
@@ -121,12 +121,12 @@ class EvidenceBuffer:
 
     Attributes:
         items: the kept evidence, oldest first.
-        count: how many pieces there were in total.
-        score_sum: the sum of all their scores.
-        first_seen: the oldest stamp of all [s].
-        last_seen: the newest stamp of all [s].
-        pictures: the best ones, best first.
-        embedding: of all views; None if none was embedded.
+        count: number of all pieces, including dropped ones.
+        score_sum: the sum of all scores.
+        first_seen: the oldest stamp [s].
+        last_seen: the newest stamp [s].
+        pictures: of the object, best first.
+        embedding: weighted mean of all views; None if none was embedded.
     """
 
     def __init__(self, limit: int) -> None:
@@ -151,7 +151,7 @@ class EvidenceBuffer:
         first_seen: float,
         last_seen: float,
     ) -> EvidenceBuffer:
-        """Return a buffer as it was, from its attributes."""
+        """Return a buffer with these attributes."""
         buffer = cls(limit)
         for item in items:
             buffer.add(item)
@@ -163,7 +163,7 @@ class EvidenceBuffer:
         return len(self.items)
 
     def copy(self) -> EvidenceBuffer:
-        """Return the same evidence; a change of one does not change the other."""
+        """Return an independent copy."""
         other = object.__new__(type(self))
         vars(other).update(vars(self))
         other.items = list(self.items)
@@ -194,7 +194,7 @@ class EvidenceBuffer:
 
     @property
     def centroids(self) -> NDArray[np.float64]:
-        """Of the kept footprints [m], shape (N, 2)."""
+        """The centroids of the kept footprints [m], shape (N, 2)."""
         return self._centroids.values
 
     def footprints(self) -> ObjectArray:
@@ -202,7 +202,7 @@ class EvidenceBuffer:
         return as_objects(evidence.footprint for evidence in self.items)
 
     def heights(self) -> tuple[float, float]:
-        """Return the usual lowest and highest point of the kept evidence [m] (medians)."""
+        """Return the median lowest and highest point of the kept evidence [m]."""
         if self._heights is None:
             low = statistics.median(evidence.z_min for evidence in self.items)
             high = statistics.median(evidence.z_max for evidence in self.items)

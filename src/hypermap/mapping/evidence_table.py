@@ -1,4 +1,4 @@
-"""The evidence for objects as a table, and the shapes that each fusion method makes of it."""
+"""The evidence for objects as a table, and the shape that each fusion method makes of it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.overrides import override
 from hypermap.mapping.stages import EvidenceConfig
 
-_TOLERANCE = 0.005  # meters by which visible areas may be simplified: a quarter of a voting cell
+_TOLERANCE = 0.005  # meters; visible areas are simplified by up to a quarter of a voting cell
 
 
 def lazy_evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> Callable[[], EvidenceTable]:
@@ -29,7 +29,7 @@ def lazy_evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> Callable[
 
 
 def evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> EvidenceTable:
-    """Return the evidence for objects, by their ids, as the table that files keep.
+    """Return the evidence for objects, by their ids, as the table that is saved in files.
 
     Visible areas are simplified by up to 5 mm.
     """
@@ -61,13 +61,13 @@ def evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> EvidenceTable:
 def fused_shapes(
     table: EvidenceTable, config: EvidenceConfig, name: str = ""
 ) -> dict[str, BaseGeometry]:
-    """Return what each fusion method makes of all observations of a table.
+    """Return the shape that each fusion method makes of all observations in a table.
 
     Args:
         table: evidence for one object, at least one observation.
-        config: settings of the methods; which of them made the map does not matter.
-        name: class of the object, by which the shape of the method that made the map is completed
-            where the settings say so.
+        config: settings of the methods; its `fusion` names the method that made the map.
+        name: class of the object. The shape of the map's method is completed by it if the settings
+            say so.
 
     Returns:
         A polygon per method, by its name, in the frame of the table [m].
@@ -102,9 +102,9 @@ def fused_shapes(
 
 
 def config_of(metadata: Mapping[str, Any]) -> EvidenceConfig:
-    """Return the settings of the evidence map that made a map, as its metadata says.
+    """Return the evidence settings in a map's metadata.
 
-    Where it says nothing, or something unknown, these are the settings of the profile "default".
+    Missing or unknown settings are those of the profile "default".
     """
     default = profile("default").evidence
     config = metadata.get("config")

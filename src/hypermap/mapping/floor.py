@@ -1,7 +1,7 @@
 """Floor detection: the floor of a recording should be level and at z = 0 of the map.
 
-A map of a world that is not level is useless, and nothing else would reveal it: walls become floor,
-and the floor becomes a wall.
+Otherwise the map is useless, and nothing else would reveal it: walls become floor, and the floor
+becomes a wall.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 from hypermap.perception.frame import RgbdFrame
 
 _COLUMNS = 40  # columns of an image that are sampled
-_FEWEST_FRAMES = 5  # as one image may mislead
-_MOST_FRAMES = 64  # are kept; then every other one is dropped, and only every other one added
+_FEWEST_FRAMES = 5  # because a single image may mislead
+_MOST_FRAMES = 64  # kept; then every other frame is dropped, and only every other one added
 _SAME_NORMAL = math.cos(math.radians(12))  # least cosine between two normals of one surface
-_TRIED = 100  # points whose normals are candidates for the floor's
-_LEAST_SHARE = 0.02  # of all points that a floor has
+_TRIED = 100  # points whose normals are candidates for that of the floor
+_LEAST_SHARE = 0.02  # of all points that must be on a floor
 _LEAST_SHARE_TILTED = 0.03
-_MOST_BELOW = 0.03  # of all points lie more than `_DEEP` below a floor
+_MOST_BELOW = 0.03  # of all points that may be more than `_DEEP` below a floor
 _DEEP = 0.12  # meters
 _THICK = 0.05  # meters; points nearer to a plane than this are on it
-_UPRIGHT = 0.3  # least mean cosine between a floor's normal and the upward side of the images
+_UPRIGHT = 0.3  # least mean cosine between a floor's normal and the images' upward axis
 _LEVEL = math.cos(math.radians(10))
-_LEVEL_SHARE = 0.3  # of the points of the best floor, with which a level one is preferred
+_LEVEL_SHARE = 0.3  # of the points of the best floor; with so many, a level one is preferred
 _WIDE = 3.0  # meters; no table is that long
 _TILT_DEG, _HEIGHT = 4.0, 0.15  # meters; a floor that is off by more is wrong
 _UNITS = (
@@ -39,9 +39,9 @@ _UNITS = (
     1000.0,
 )  # errors of depth with a wrong scale
 _UNIT_TOLERANCE = 0.1
-_LOWEST_CAMERA = 0.3  # meters, below which such a factor looks the same as a wrong height
-_TURNED = 0.7  # least mean cosine between the map's z axis and another side of the images than up
-_BENT = 0.05  # meters by which depth errors may lift one side of the visible floor
+_LOWEST_CAMERA = 0.3  # meters; below it, such a factor looks the same as a wrong height
+_TURNED = 0.7  # least mean cosine between z and another axis of the images than the upward one
+_BENT = 0.05  # meters; depth errors may lift one side of the visible floor by so much
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +62,12 @@ class Floor:
 
     @property
     def tilt_deg(self) -> float:
-        """The angle between the floor and the map's level, 0..180 [degrees]."""
+        """The angle between the floor and the plane z = 0 [degrees], 0..180."""
         return math.degrees(math.acos(float(np.clip(self.normal[2], -1.0, 1.0))))
 
     @property
     def is_level(self) -> bool:
-        """Whether a map can be made: the floor is level and at z = 0, as far as can be seen.
+        """Whether a map can be made: the floor is level and at z = 0, as far as is visible.
 
         A level surface above z = 0 may be a table, unless it is long.
         """
@@ -91,7 +91,7 @@ class Floor:
         else:  # Rodrigues' formula
             x, y, w = axis
             K = np.array([[0, -w, y], [w, 0, -x], [-y, x, 0]])
-            share = 1 / (1 + cosine) if cosine > 0 else (1 - cosine) / sine**2  # which are equal
+            share = 1 / (1 + cosine) if cosine > 0 else (1 - cosine) / sine**2  # equal, but stable
             rotation = np.eye(3) + K + K @ K * share
         pose = np.eye(4)
         pose[:3, :3] = rotation
@@ -130,7 +130,7 @@ class Floor:
 
 
 class FloorSampler:
-    """Samples points from frames all over a recording, and finds the floor in them."""
+    """Samples points from frames throughout a recording, and finds the floor in them."""
 
     def __init__(self) -> None:
         self._frames: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
@@ -152,13 +152,13 @@ class FloorSampler:
 
     @property
     def axes(self) -> NDArray[np.float64]:
-        """The mean directions of the images in the map, as columns: right, down, ahead; (3, 3)."""
+        """The mean camera axes in the map, as columns: right, down, forward; shape (3, 3)."""
         axes = [axes for _, _, axes in self._frames] or [np.zeros((3, 3))]
         return np.asarray(np.mean(axes, axis=0))
 
     @property
     def _says_turned(self) -> bool:
-        """Whether the poses say that the images lie on their side or upside down."""
+        """Whether, by the poses, the images are sideways or upside down."""
         right, down, _ = self.axes[2]
         return bool(max(abs(right), down) > _TURNED)
 
@@ -199,7 +199,7 @@ def _count(found: tuple[Floor, int]) -> int:
 def _points_and_normals(
     frame: RgbdFrame,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points of smooth surfaces and their normals toward the camera, in the map."""
+    """Return points of smooth surfaces [m] and their normals toward the camera, (N, 3) each."""
     step = max(1, round(frame.camera.width / _COLUMNS))
     points = frame.points(step).astype(np.float64)
     with np.errstate(invalid="ignore", over="ignore"):  # depth may be NaN or infinite
@@ -222,11 +222,11 @@ def _points_and_normals(
 def _directions(
     normals: NDArray[np.float64], up: NDArray[np.float64]
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield the directions of many normals that may be those of a floor."""
+    """Yield the modes of the normals that may be those of a floor."""
     likely = normals[(normals @ up > _UPRIGHT / 2) | (normals[:, 2] > _LEVEL)]
     found: list[NDArray[np.float64]] = []
     for normal in likely[:: max(1, len(likely) // _TRIED)]:
-        for _ in range(4):  # mean shift: the mean of the normals nearby, again and again
+        for _ in range(4):  # mean shift
             mean = normals[normals @ normal > _SAME_NORMAL].sum(axis=0)
             normal = mean / np.linalg.norm(mean)
         if all(normal @ other < 0.999 for other in found):

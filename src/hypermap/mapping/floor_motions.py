@@ -1,4 +1,4 @@
-"""How a map has moved over the floor, over time, when the poses of its frames were corrected."""
+"""How a correction of poses moved the map over the floor, by time."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from hypermap.core.samples import Samples
 from hypermap.mapping.drives import Drive
 from hypermap.mapping.frame_log import floor_motion
 
-_BESIDE = 60.0  # seconds before the first and after the last frame of a drive that belong to it
+_AROUND = 60.0  # seconds before the first and after the last frame that belong to a drive
 
 
 @dataclass(frozen=True, eq=False)
 class FloorMotions:
-    """How the map near the camera has moved over the floor, over time.
+    """The motion of the map near the camera over the floor, by time.
 
     Attributes:
         stamps: of the frames [s], increasing, shape (N,).
-        motions: what takes points from where they were to where they are, affine, (N, 2, 3).
-        drive_of: to which drive each frame belongs, shape (N,).
-        is_under_way: whether the last drive goes on: all later samples belong to it.
+        motions: affine transforms from old to new places [m], shape (N, 2, 3).
+        drive_of: the number of each frame's drive, shape (N,).
+        is_under_way: whether the last drive continues: all later samples belong to it.
     """
 
     stamps: NDArray[np.float64]
@@ -40,7 +40,7 @@ class FloorMotions:
         drives: Sequence[Drive],
         is_under_way: bool = False,
     ) -> FloorMotions:
-        """Return the motions that a correction of poses was.
+        """Return the motions of a correction of poses.
 
         Args:
             stamps: of the frames, at least one, shape (N,).
@@ -57,10 +57,10 @@ class FloorMotions:
         return cls(known, np.array(motions), drive_of, is_under_way)
 
     def moved(self, samples: Samples) -> Samples:
-        """Return samples at the places where they were taken, as far as the motions say.
+        """Return samples moved to where they were really taken.
 
         Between two frames of a drive the motion is interpolated. Up to a minute before the first or
-        after the last it is theirs; other samples stay.
+        after the last frame it is that of the frame. Other samples stay.
         """
         times = samples.stamps
         after = np.clip(np.searchsorted(self.stamps, times), 0, len(self.stamps) - 1)
@@ -72,7 +72,7 @@ class FloorMotions:
         nearest = np.where(np.abs(since) < np.abs(until), 0.0, 1.0)
         distance = np.minimum(np.abs(since), np.abs(until))
         share = np.where(is_within, share, nearest)
-        belongs = is_within | (distance <= _BESIDE)
+        belongs = is_within | (distance <= _AROUND)
         if self.is_under_way:
             belongs |= times >= self.stamps[-1]
         points = np.column_stack([samples.points_xy, np.ones(len(times))])

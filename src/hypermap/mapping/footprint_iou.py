@@ -7,23 +7,23 @@ from collections.abc import Iterable
 from hypermap.mapping.prepared_polygon import PreparedPolygon, shared_area
 from hypermap.mapping.track_shapes import TrackShapes
 
-_SAME_HEIGHT = 0.5  # height range that two objects share, over the range of both together
+_SAME_HEIGHT = 0.5  # least IoU of two height ranges
 
 
 def footprint_ious(
     shape: PreparedPolygon, heights: tuple[float, float], tracks: TrackShapes, rows: Iterable[int]
 ) -> list[float]:
-    """Return how well tracks match a shape, whatever their class.
+    """Return the Jaccard index of a shape and each of some tracks, whatever their classes.
 
     Args:
         shape: a footprint in the map frame [m].
         heights: its lowest and highest point [m].
         tracks: the shapes of all tracks.
-        rows: those to compare.
+        rows: of the tracks to compare.
 
     Returns:
-        The Jaccard index of the footprints for each row; 0 for what lies above or below, as a
-        cup on a table does not compete with the table.
+        The Jaccard index of the footprints for each row; 0 if the heights differ, because a cup on
+        a table does not compete with the table.
     """
     ious = []
     for row in rows:

@@ -1,8 +1,8 @@
-"""The log of mapped frames: what each has shown, from which it is mapped again elsewhere.
+"""The log of mapped frames, from which they can be mapped again at corrected poses.
 
-A frame is kept as what mapping has made of it, without its images: the observed objects, where its
-rays ended, and the cells that it has shown. All of it moves with the pose of its camera, over the
-floor: corrections of roll and pitch are left out.
+A frame is kept as mapping has interpreted it, without images: the observed objects, where its rays
+ended, and the cells that it has shown. All of this moves over the floor with the camera's pose;
+corrections of roll and pitch are ignored.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from hypermap.perception.observation import Observation, ObservedObject
 
 _FORMAT, _VERSION = "hypermap mapped frame", 1
 PART = 1000
-"""Frames of which one state of the mapper is kept before them."""
+"""Frames in a part of the log; before each part, one state of the map is kept."""
 FARTHEST_CELL = 1e10
-"""Cells from the origin, within which those of files must be."""
-_PARTS = 3  # that are kept at most; each drive begins one, so that short ones do not add up
-_COLUMNS = 80  # to which a view is reduced, by leaving out rows and columns
+"""Cells from the origin; cells in files must not be farther away."""
+_PARTS = 3  # kept at most; each drive begins one, so short drives do not add up
+_COLUMNS = 80  # of a kept view, which is subsampled
 _LEVEL = 6  # of compression
 _WRONG = (
     *(KeyError, TypeError, ValueError, IndexError, OverflowError, zlib.error),
@@ -54,9 +54,9 @@ class LoggedFrame:
     """What a frame has shown.
 
     Attributes:
-        observation: of its objects and rays.
+        observation: its objects and rays.
         seen: the cells that it has shown; None for none.
-        finds_objects: whether objects were looked for, so that those not found are missing.
+        finds_objects: whether a detector ran, so that objects not found are missed detections.
     """
 
     observation: Observation
@@ -64,7 +64,7 @@ class LoggedFrame:
     finds_objects: bool = True
 
     def moved_to(self, map_T_camera: NDArray[np.float64], resolution: float) -> LoggedFrame:
-        """Return the same frame as taken from another pose, of which roll and pitch do not count.
+        """Return the frame as if taken from another pose, whose roll and pitch are ignored.
 
         Args:
             map_T_camera: pose of the camera's optical frame, shape (4, 4).
@@ -95,11 +95,11 @@ def floor_motion(before: NDArray[np.float64], after: NDArray[np.float64]) -> tup
     """Return how the map near a camera moves over the floor when the camera's pose is corrected.
 
     Args:
-        before: map_T_camera, shape (4, 4).
-        after: likewise.
+        before: `map_T_camera`, shape (4, 4).
+        after: the corrected `map_T_camera`, shape (4, 4).
 
     Returns:
-        What takes points from where they were to where they are, and by how much they rise [m].
+        The transform of points from their old to their new places, and how far they rise [m].
     """
     turn = after[:3, :3] @ before[:3, :3].T
     yaw = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
@@ -115,10 +115,10 @@ def _in_space(motion: Pose2D, lift: float) -> NDArray[np.float64]:
 
 
 def packed_frame(frame: LoggedFrame) -> bytes:
-    """Return a frame in a few kilobytes.
+    """Return a frame as a few kilobytes.
 
-    Objects without area are left out, as mapping ignores them. Of the view, about 80 columns are
-    kept, as float16.
+    Objects without area are left out, because mapping ignores them. Of the view, about 80 columns
+    are kept, as float16.
     """
     observation = frame.observation
     objects = [one for one in observation.objects if one.footprint.area > 0]
@@ -144,14 +144,14 @@ def packed_frame(frame: LoggedFrame) -> bytes:
 
 
 def unpacked_frame(content: bytes, path: str) -> LoggedFrame:
-    """Return the frame of `packed_frame`.
+    """Return the frame that `packed_frame` has packed.
 
     Args:
         content: the packed frame.
-        path: how messages name the file that it is from.
+        path: name of its file in messages.
 
     Raises:
-        FormatError: If it has none, or is of a later version.
+        FormatError: If it is damaged, or of a later version.
     """
     try:
         unpack = zlib.decompressobj()
@@ -188,7 +188,7 @@ def _packed_view(view: DepthView | None) -> tuple[dict[str, Any] | None, _Arrays
     farthest = view.max_range if math.isfinite(view.max_range) else None
     facts = {"K": camera.K.tolist(), "size": [camera.height, camera.width], "max_range": farthest}
     reach = np.ascontiguousarray(view.reach[::step, ::step], np.float16)
-    planes = np.ascontiguousarray(reach.view(np.uint8).reshape(-1, 2).T)  # so it compresses better
+    planes = np.ascontiguousarray(reach.view(np.uint8).reshape(-1, 2).T)  # compresses better
     return facts, {"reach": planes}
 
 
@@ -227,12 +227,13 @@ def _unpacked_cells(shape: list[int] | None, arrays: _Arrays) -> SeenCells | Non
 
 @dataclass(frozen=True, eq=False)
 class MapBefore:
-    """The map before a frame, so that this frame can be mapped again.
+    """The map before a frame, from which this frame can be mapped again.
 
     Attributes:
-        tracks: with the evidence for them, which other tables share; not to be changed.
-        first_cell: row and column of the first cell of `log_odds`, from the frame's origin.
-        log_odds: of the cells of the occupancy layer, NaN for never seen, float32, shape (H, W);
+        tracks: with their evidence, which other tables share; must not be changed.
+        first_cell: row and column of the first cell of `log_odds`, from the origin of the map
+            frame, int64, shape (2,).
+        log_odds: of the cells of the occupancy layer, NaN if never seen, float32, shape (H, W);
             None if the layer is not made from depth.
     """
 
@@ -247,7 +248,7 @@ class MapBefore:
         first_cell: NDArray[np.int64],
         log_odds: NDArray[np.float32] | None,
     ) -> MapBefore:
-        """Return it from a copy of tracks, of which it needs no pictures."""
+        """Return it with a copy of the tracks, without pictures."""
         for track in tracks.objects:
             track.buffer.pictures, track.buffer.embedding = (), None
         return cls(tracks, first_cell, log_odds)
@@ -255,13 +256,13 @@ class MapBefore:
 
 @dataclass(frozen=True, eq=False)
 class LogPart:
-    """Some frames, one after the other.
+    """Consecutive frames.
 
     Attributes:
-        before: the map before the first of them.
+        before: the map before the first frame.
         stamps: of the frames [s].
-        frames: as `packed_frame` returns them, at the poses that they were mapped from first.
-        poses: map_T_camera as it is now, shape (4, 4) each.
+        frames: packed by `packed_frame`, at the poses at which they were first mapped.
+        poses: the present `map_T_camera` of each, shape (4, 4).
     """
 
     before: MapBefore
@@ -275,7 +276,7 @@ class LogPart:
 
 
 class FrameLog:
-    """The newest frames, in parts: those of few drives, and at least `PART` frames of long ones.
+    """The newest frames, in parts: a few drives, and at least `PART` frames of long ones.
 
     Attributes:
         parts: oldest first.
@@ -287,12 +288,12 @@ class FrameLog:
 
     @property
     def is_full(self) -> bool:
-        """Whether the next frame needs another part."""
+        """Whether the next frame begins another part."""
         is_over = self._is_drive_over or not self.parts
         return is_over or len(self.parts[-1].frames) >= PART
 
     def end_drive(self) -> None:
-        """Say that the next frame is of another drive."""
+        """End the drive: the next frame belongs to another one."""
         self._is_drive_over = True
 
     def begin_part(self, before: MapBefore) -> None:
@@ -321,7 +322,7 @@ class FrameLog:
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """map_T_camera of all frames, shape (N, 4, 4)."""
+        """The present `map_T_camera` of all frames, shape (N, 4, 4)."""
         poses = [pose for part in self.parts for pose in part.poses]
         return np.array(poses, np.float64).reshape(-1, 4, 4)
 
@@ -340,10 +341,10 @@ def packed_log(parts: Iterable[LogPart]) -> dict[str, NDArray[Any]]:
 
 
 def unpacked_befores(arrays: _Arrays) -> list[bytes]:
-    """Return the files of the states before each part, as a log of an earlier version has them.
+    """Return the files of the states before each part, in the form of an earlier version.
 
     Raises:
-        KeyError, ValueError: If the arrays hold anything else.
+        KeyError, ValueError: If the arrays contain anything else.
     """
     if "log.before" not in arrays:
         return []
@@ -351,14 +352,14 @@ def unpacked_befores(arrays: _Arrays) -> list[bytes]:
 
 
 def unpacked_log(arrays: _Arrays, befores: Sequence[MapBefore]) -> tuple[LogPart, ...]:
-    """Return the parts of `packed_log`; none if the arrays hold no log.
+    """Return the parts that `packed_log` has packed; none if the arrays contain no log.
 
     Args:
-        arrays: those, and others.
+        arrays: the arrays of `packed_log`, among others.
         befores: the map before each part.
 
     Raises:
-        KeyError, ValueError: If they hold anything else.
+        KeyError, ValueError: If the arrays are damaged.
     """
     if "log.frames" not in arrays:
         return ()

@@ -1,4 +1,4 @@
-"""Fusion: an object's shape from its evidence; one small function per method."""
+"""Fusion: an object's shape from its evidence; one function per method."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hypermap.mapping.votes import agreed_points
 def best_shape(buffer: EvidenceBuffer, config: EvidenceConfig) -> PreparedPolygon:  # noqa: ARG001
     """Return the footprint whose centroid is nearest to the mean of all centroids.
 
-    Of equally near ones the oldest is taken.
+    Ties go to the oldest.
     """
     return buffer.items[_nearest_to_mean(buffer.centroids)].prepared
 
@@ -31,7 +31,10 @@ def convex_hull(buffer: EvidenceBuffer, config: EvidenceConfig) -> PreparedPolyg
 def votes(
     buffer: EvidenceBuffer, config: EvidenceConfig, shifts: NDArray[np.float64] | None = None
 ) -> PreparedPolygon:
-    """Return the convex hull of what enough views agree on: see `agreed_points`."""
+    """Return the convex hull of the points on which enough views agree; see `agreed_points`.
+
+    `shifts` moves the pieces of evidence first [m], shape (N, 2).
+    """
     points_xy = agreed_points(buffer, config, shifts)
     if len(points_xy) == 0:  # smaller than a cell
         return best_shape(buffer, config)
@@ -48,12 +51,12 @@ FUSIONS: Mapping[str, Fusion] = {
 
 
 def _hull(points_xy: NDArray[np.float64]) -> PreparedPolygon:
-    """Return the convex hull of at least two points, shape (N, 2)."""
+    """Return the convex hull of at least two points [m], shape (N, 2)."""
     return PreparedPolygon.of(shapely.LineString(points_xy).convex_hull)
 
 
 def _nearest_to_mean(points_xy: NDArray[np.float64]) -> int:
-    """Return which point is nearest to the mean of all, the first of equally near ones."""
-    # np.mean and a sum over the second axis take longer to begin than these few points need.
+    """Return the index of the point nearest to the mean, the first one of ties."""
+    # For few points, this is faster than np.mean and a sum over the second axis.
     x, y = (points_xy - np.add.reduce(points_xy) / len(points_xy)).T
     return int((x * x + y * y).argmin())

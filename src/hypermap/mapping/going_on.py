@@ -17,7 +17,7 @@ from hypermap.mapping.mapper_state import MapperState, parse_published, parse_st
 from hypermap.mapping.overrides import override
 
 SEMANTIC = "semantic"
-"""Name of the layer of objects that mapping makes."""
+"""Name of the semantic layer that mapping makes."""
 
 
 class CannotGoOn(HypermapError):
@@ -31,7 +31,7 @@ def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None)
 
     Args:
         hypermap: the map.
-        asked: the configuration that a user asks for, if any; must be that of the map.
+        asked: the configuration that the user asks for; must be that of the map; None for any.
 
     Raises:
         CannotGoOn: If it cannot.
@@ -90,10 +90,10 @@ def state_of(hypermap: Hypermap, config: MappingConfig) -> MapperState:
 
 
 def edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:
-    """Return what people have done to a map since it was begun, by the objects' ids.
+    """Return all edits made by hand to a map, by the objects' ids.
 
     Raises:
-        CannotGoOn: If the layer of the objects is not there.
+        CannotGoOn: If the semantic layer is missing.
     """
     layer = layer_of_objects(hypermap)
     if layer is not None:
@@ -105,7 +105,7 @@ def edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:
 
 
 def layer_of_objects(hypermap: Hypermap) -> SemanticLayer | None:
-    """Return the layer of objects that mapping has made; None if there is none."""
+    """Return the semantic layer that mapping has made; None if there is none."""
     named = (layer for layer in hypermap if layer.name == SEMANTIC)
     return next((layer for layer in named if isinstance(layer, SemanticLayer)), None)
 
@@ -114,7 +114,7 @@ def with_marks(hypermap: Hypermap) -> Hypermap:
     """Return a map in which edits made by hand are marked; see `by_hand`.
 
     Raises:
-        FormatError: If the state of the mapper in it cannot be read.
+        FormatError: If its mapper state cannot be read.
     """
     kept = hypermap.mapper_state
     layer = layer_of_objects(hypermap)
@@ -130,9 +130,9 @@ def with_marks(hypermap: Hypermap) -> Hypermap:
 
 
 def replaced(base: Hypermap, layers: Iterable[Layer]) -> list[Layer]:
-    """Return the layers of a map, some replaced by those of the same names; new ones come first.
+    """Return the layers of a map, some replaced by layers with the same names; new ones come first.
 
-    Each layer's settings stay, and so do entries that could not be read.
+    Settings of a layer stay, and so do its entries that could not be read.
     """
     new: dict[str, Any] = {layer.name: layer for layer in layers}
     found: list[Layer] = []

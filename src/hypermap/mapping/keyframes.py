@@ -12,7 +12,7 @@ from hypermap.mapping.stages import KeyframeConfig
 class KeyframeSelector:
     """Keeps the pose of the last keyframe.
 
-    Otherwise a camera that stands still would count the same view of an object again and again.
+    Otherwise a camera at rest would count the same view of an object again and again.
     """
 
     def __init__(self, config: KeyframeConfig) -> None:
@@ -23,8 +23,8 @@ class KeyframeSelector:
     def accept(self, map_T_camera: NDArray[np.float64]) -> bool:
         """Return whether a pose, shape (4, 4), is far enough from the last accepted one.
 
-        It is when it lies `min_distance` away or is turned by `min_angle_deg`. The first is
-        always accepted.
+        It is if the camera has moved by `min_distance` or rotated by `min_angle_deg`. The first
+        pose is always accepted.
         """
         if self._last is not None:
             last_T_camera = invert(self._last) @ map_T_camera
@@ -41,7 +41,7 @@ class KeyframeSelector:
         return self._last
 
     def go_on_from(self, map_T_camera: NDArray[np.float64] | None) -> None:
-        """Compare the next pose with this one."""
+        """Compare the next pose with this one, shape (4, 4); None to accept any."""
         self._before = self._last = map_T_camera
 
     def undo(self) -> None:
@@ -50,6 +50,6 @@ class KeyframeSelector:
 
 
 def rotation_angle(rotation: NDArray[np.float64]) -> float:
-    """Return the angle of a rotation matrix [rad], 0..pi; exact for small angles too."""
+    """Return the angle of a rotation matrix, shape (3, 3), [rad], 0..pi; exact for small angles."""
     axis = rotation[[2, 0, 1], [1, 2, 0]] - rotation[[1, 2, 0], [2, 0, 1]]
     return float(np.arctan2(np.linalg.norm(axis), np.trace(rotation) - 1))

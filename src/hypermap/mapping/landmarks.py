@@ -1,15 +1,15 @@
-"""Objects as landmarks: moves frames so that they agree on where the objects are.
+"""Objects as landmarks: corrections of frames that make them agree on where objects are.
 
-Poses are off by some centimeters, also after they were corrected by a map that is bent itself. What
-two frames both show lies in two places then, and an object that few frames show lies where their
-errors put it. But a frame that shows a cup also shows the table and the screen beside it, which
-many frames have shown: their place tells by how much the cup is off.
+Poses are off by some centimeters, even after correction by a map that is itself distorted. Then two
+frames see one object in two places, and an object that few frames show is where their errors put
+it. But a frame that shows a cup also shows the table and the screen next to it, which many frames
+have shown: their places reveal the error of the cup's place.
 
-Source: least squares over poses and landmarks together, as in Dellaert and Kaess, "Square root
-SAM", IJRR 25(12), 2006, here over centroids on the floor and solved in turns. Outliers by the
-weights of Huber, "Robust estimation of a location parameter", 1964. How far poses are off is not
-known; it is estimated on the way, by expectation maximization (Dempster, Laird, Rubin, 1977), so
-that exact poses stay as they are.
+Source: joint least squares over poses and landmarks, as in Dellaert and Kaess, "Square root SAM",
+IJRR 25(12), 2006, here over centroids on the floor, by alternating optimization. Outliers get the
+weights of Huber, "Robust estimation of a location parameter", 1964. The pose errors are unknown;
+their variance is estimated by expectation maximization (Dempster, Laird, Rubin, 1977), so exact
+poses stay unchanged.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ from hypermap.core.arrays import IntArray
 from hypermap.mapping.evidence_buffer import EvidenceBuffer
 from hypermap.mapping.votes import shows_whole
 
-_NOISE = 0.02  # standard deviation of the centroid of a footprint [m], and ...
+_NOISE = 0.02  # standard deviation of the centroid of a footprint [m], plus ...
 _NOISE_SHARE = 0.05  # ... as a share of the object's size
-_POSITION, _TURN = 0.05, 0.017  # standard deviations of a pose that are assumed first [m, rad]
-_LEAST_POSITION, _LEAST_TURN = 0.005, 0.0005  # so that nothing is divided by zero
+_POSITION, _TURN = 0.05, 0.017  # initial standard deviations of a pose [m, rad]
+_LEAST_POSITION, _LEAST_TURN = 0.005, 0.0005  # lower bounds, against division by zero
 _MOST_POSITION, _MOST_TURN = 0.15, 0.035
-_EXACT = 0.01  # meters; poses no farther off than this are left alone, as centroids are no better
-_SURE = 2.0  # standard deviations up to which a sight has its whole weight
-_OUTLIER = 6.0  # standard deviations from which on it has none
+_EXACT = 0.01  # meters; poses with smaller errors stay, because centroids are no better
+_SURE = 2.0  # standard deviations up to which an observation has its full weight
+_OUTLIER = 6.0  # standard deviations from which it has none
 _ROUNDS = 20
 
 Array = NDArray[np.float64]
 
 
 def landmark_moves(buffers: Sequence[EvidenceBuffer]) -> list[Array]:
-    """Return how far the footprints of all objects move if frames agree on the objects' places.
+    """Return the shifts of all footprints that make frames agree on the objects' places.
 
-    A frame moves as a whole: by x and y, and turned about its camera. Footprints that show a part
-    of their object move with their frame, but say nothing about it.
+    A frame moves as a whole: by x, y and a rotation about its camera. Footprints that show a part
+    of their object move with their frame, but do not constrain it.
 
     Args:
         buffers: the evidence for each object.
 
     Returns:
-        Moves of the footprints of each object [m], shape (N, 2) for N pieces of evidence.
+        Shifts of the footprints of each object [m], shape (N, 2) for N pieces of evidence.
     """
     frames, numbers = _frames_of(buffers)
     sights = _Sights.of(buffers, numbers)
@@ -65,7 +65,7 @@ def landmark_moves(buffers: Sequence[EvidenceBuffer]) -> list[Array]:
 def _frames_of(
     buffers: Sequence[EvidenceBuffer],
 ) -> tuple[list[tuple[float, float, float]], list[IntArray]]:
-    """Return all frames, as stamp, x and y, and the numbers of the frames of each buffer."""
+    """Return all frames, as stamp, x and y, and the frame numbers of each buffer, shape (N,)."""
     keys = [
         [(item.stamp, *item.map_T_camera[:2, 3].tolist()) for item in buffer.items]
         for buffer in buffers
@@ -77,12 +77,12 @@ def _frames_of(
 
 @dataclass(frozen=True, eq=False)
 class _Sights:
-    """Whole sights of objects that several frames show.
+    """Observations of whole objects that several frames show.
 
     Attributes:
         frames: the frame of each, shape (N,).
         objects: the object of each, shape (N,).
-        counts: how many sights there are of its object, shape (N,).
+        counts: the number of observations of its object, shape (N,).
         xy: the centroid of each [m], shape (N, 2).
         rays: from the camera to there [m], shape (N, 2).
         sigmas: standard deviation of the centroid in x and in y [m], shape (N,).
@@ -97,7 +97,7 @@ class _Sights:
 
     @classmethod
     def of(cls, buffers: Sequence[EvidenceBuffer], numbers: Sequence[IntArray]) -> _Sights:
-        """Choose them from the evidence, given the numbers of its frames."""
+        """Select them from the evidence, given the frame numbers of each buffer."""
         frames, objects, xy, cameras, sizes = [], [], [], [], []
         for n, (buffer, shown_in) in enumerate(zip(buffers, numbers, strict=True)):
             if len(buffer) < 2:
@@ -127,10 +127,10 @@ class _Sights:
 
 
 def _corrections(sights: _Sights, count: int) -> Array:
-    """Return x, y [m] and turn [rad] of each of `count` frames, shape (count, 3).
+    """Return x, y [m] and rotation [rad] of each of `count` frames, shape (count, 3).
 
-    In turns: where objects are by the frames as they are, how far each frame is off by that, and
-    how far frames usually are.
+    Alternates between the places of objects given the frames, the errors of frames given these,
+    and the variance of these errors.
     """
     corrections = np.zeros((count, 3))
     weights = sights.sigmas**-2.0
@@ -159,16 +159,16 @@ def _moved(rays: Array, corrections: Array) -> Array:
 
     Args:
         rays: from the frame's camera to each point [m], shape (N, 2).
-        corrections: x, y [m] and turn [rad] of each point's frame, shape (N, 3).
+        corrections: x, y [m] and rotation [rad] of each point's frame, shape (N, 3).
     """
     across = np.column_stack([-rays[:, 1], rays[:, 0]])  # for small angles
     return np.asarray(corrections[:, :2] + corrections[:, 2:] * across)
 
 
 def _places_by_others(sights: _Sights, moved: Array, weights: Array) -> Array:
-    """Return where each sight's object is by the other sights of it [m], shape (N, 2)."""
+    """Return the place of each observation's object by its other observations [m], (N, 2)."""
     totals = np.bincount(sights.objects, weights)[sights.objects] - weights
-    places = moved.copy()  # where no other counts
+    places = moved.copy()  # where there is no other
     is_seen = totals > 1e-9
     for axis in range(2):
         weighted = weights * moved[:, axis]
@@ -180,19 +180,19 @@ def _places_by_others(sights: _Sights, moved: Array, weights: Array) -> Array:
 def _normal_equations(
     sights: _Sights, offsets: Array, weights: Array, count: int
 ) -> tuple[Array, Array]:
-    """Return what the sights say of each frame's correction.
+    """Return the normal equations of each frame's correction.
 
     Args:
-        sights: of objects.
-        offsets: by how much each is off [m], shape (N, 2).
+        sights: the observations.
+        offsets: error of each [m], shape (N, 2).
         weights: inverse variances [1/m²], shape (N,).
-        count: of frames.
+        count: number of frames.
 
     Returns:
         Information matrices, shape (count, 3, 3), and information times correction, shape
         (count, 3).
     """
-    # That an object's place is known by its other sights only as well as these make it.
+    # An object's place is known only as well as its other observations determine it.
     weights = weights * (sights.counts - 1) / sights.counts
     x, y = sights.rays.T
     dx, dy = offsets.T

@@ -1,4 +1,4 @@
-"""Embeds what frames show of each object, so that objects can be found by what they look like."""
+"""Embeds what frames show of each object, so that objects can be found by their appearance."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ def embed_objects(
     embedder: Embedder,
     people: bool = False,
 ) -> None:
-    """Add to each object that a frame shows what it looks like there.
+    """Add the embedding of each object in a frame to its track.
 
     The embedding of an object is the mean over its views, weighted by their scores. A frame without
-    color, or for which the embedder fails, which is logged, adds nothing.
+    color adds nothing, nor does one for which the embedder fails, which is logged.
 
     Args:
-        frame: the frame that the evidence map was last updated with.
-        detections: those that its objects refer to.
-        evidence: where the embeddings are kept.
+        frame: the frame of the last update of the evidence map.
+        detections: the detections of its objects.
+        evidence: keeps the embeddings; changed.
         embedder: encodes the boxes of the detections.
         people: whether people are embedded, too.
     """

@@ -58,7 +58,7 @@ Perceive: TypeAlias = "Callable[[RgbdFrame, Perceiver], Perceived]"
 
 
 class BadFrame(HypermapError):
-    """A frame cannot be mapped, while others may be."""
+    """A frame cannot be mapped; others may be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +66,10 @@ class MappedFrame:
     """A mapped frame, for observers.
 
     Attributes:
-        frame: the frame, with its pose as corrected.
-        detections: those with enough score for the configuration.
-        observation: its footprints on the floor. Its objects carry their segments, which refer to
-            the detections.
+        frame: the frame, with its corrected pose.
+        detections: those above the score threshold of the configuration.
+        observation: the footprints on the floor. Its objects contain their segments, which refer
+            to the detections.
     """
 
     frame: RgbdFrame
@@ -81,15 +81,15 @@ class Mapper:
     """Turns frames into a map, one by one; `hypermap` may be called at any time.
 
     Attributes:
-        config: how it is done.
-        counts: what became of the frames so far, without those of earlier drives.
+        config: the settings.
+        counts: frame counts of this drive so far.
         evidence: the objects and the evidence for them.
         surplus: detections dropped so far, because their frames had too many.
         watch: called after each mapped frame; None for no observer.
-        embedder: encodes what frames show of objects; None to keep the embeddings that there are.
-            Set it by `embed_with`.
-        perceive: says what a frame shows by itself: the perceiver that it is given does, unless
-            somebody has looked at the frame before.
+        embedder: encodes what frames show of objects; None to only keep earlier embeddings. Set it
+            by `embed_with`.
+        perceive: returns what a single frame shows, given the perceiver; may look up results that
+            were computed before.
         keyframes: skips frames whose camera has hardly moved.
     """
 
@@ -101,17 +101,16 @@ class Mapper:
         frame_id: str = "map",
         drive: str = "",
     ) -> None:
-        """Prepare an empty map; `onto` goes on with one.
+        """Prepare an empty map; `onto` continues one.
 
         Args:
-            config: how it is done.
-            source: says what a frame shows; None for a map without objects.
-            occupancy: the first layer of the map, if it is known already; otherwise it is made
-                from the frames' depth. The frames' poses must be in its frame, and are corrected
-                by what it shows.
-            frame_id: frame of the frames' poses, and so of the layers; not used if `occupancy`
-                is given.
-            drive: name of what the frames come from.
+            config: the settings.
+            source: returns the detections of a frame; None for a map without objects.
+            occupancy: the first layer of the map, if it is known; otherwise it is made from depth.
+                The frames' poses must be in its frame, and are corrected by it.
+            frame_id: coordinate frame of the poses and of the layers; not used if `occupancy` is
+                given.
+            drive: name of the recording.
         """
         self.config = config
         self.counts = Counts()
@@ -132,7 +131,7 @@ class Mapper:
         self._drive = Drive(drive)
         self._earlier = EarlierDrives()
         self._counts_before = Counts()
-        self._base = Hypermap()  # with which the map began
+        self._base = Hypermap()  # the map that this one continues
         self._frame_log = FrameLog()
         self._is_corrected = False
 
@@ -145,21 +144,21 @@ class Mapper:
         drive: str = "",
         frame_id: str | None = None,
     ) -> Mapper:
-        """Go on with a map, exactly as if mapping had never stopped.
+        """Continue a map, exactly as if mapping had never stopped.
 
-        The frames' poses must be in the map's frame. Frames that are in the map already are left
+        The poses must be in the map's base frame. Frames that the map already contains are left
         out. Other layers of the map, its transforms and its metadata stay.
 
         Args:
-            hypermap: a map that mapping has made; it is unchanged.
-            source: says what a frame shows; None leaves the objects as they are.
-            config: must be that of the map; None takes it from there.
-            drive: name of what the frames come from.
-            frame_id: frame of the frames' poses, if it is known.
+            hypermap: a map made by mapping; not changed.
+            source: returns the detections of a frame; None leaves the objects unchanged.
+            config: must be that of the map; None takes it from the map.
+            drive: name of the recording.
+            frame_id: coordinate frame of the poses, if it is known.
 
         Raises:
-            CannotGoOn: If it was made otherwise, with another configuration or in another frame, or
-                the state of the mapper is not in it.
+            CannotGoOn: If mapping did not make the map, or with another configuration or in another
+                frame, or the mapper state is not in it.
         """
         own_config = config_to_go_on_with(hypermap, config)
         if frame_id is not None and frame_id != hypermap.base_frame:
@@ -189,10 +188,10 @@ class Mapper:
         return mapper
 
     def embed_with(self, embedder: Embedder | None) -> None:
-        """Embed from now on what frames show of objects; None for no more.
+        """Embed the objects in later frames; None to stop.
 
         Raises:
-            CannotGoOn: If the map has embeddings that were made by another one.
+            CannotGoOn: If the map has embeddings of another embedder.
         """
         before = self.evidence.embedding_model()
         if embedder is not None and before not in (None, embedder.model):
@@ -210,8 +209,8 @@ class Mapper:
             because its camera has hardly moved; see `counts`.
 
         Raises:
-            BadFrame: If the source cannot say what the frame shows, or its color cannot be read;
-                the map stays as it was.
+            BadFrame: If the source of detections fails, or the color cannot be read; the map stays
+                unchanged.
         """
         if not self._is_wanted(frame):
             return None
@@ -275,9 +274,9 @@ class Mapper:
             embed_objects(frame, detections, self.evidence, self.embedder, config.people)
 
     def correct_poses_by(self, occupancy: OccupancyLayer) -> None:
-        """Correct the poses of all frames from now on by a map that is in their frame.
+        """Correct the poses of all later frames by an occupancy layer in their frame.
 
-        The map's first layer stays what it was.
+        The first layer of the map stays unchanged.
         """
         self.evidence.is_free = partial(free_share, occupancy)
         if self._aligner is None:
@@ -295,26 +294,26 @@ class Mapper:
     ) -> Correction | None:
         """Replace the poses of the newest frames, as after a loop closure, and map them again.
 
-        The map becomes that of the corrected poses, without the images: objects and their evidence
-        move, appear and vanish, and so do the cells of an occupancy layer that was made from depth.
-        Of the corrections, yaw and position count, roll and pitch do not. Objects keep their ids,
-        pictures and edits made by hand. Samples of other layers move along, and their fields are
-        made again. Only the newest 1000 to 2000 frames can be corrected.
+        The map is rebuilt at the corrected poses, without images: objects and their evidence move,
+        appear and vanish, and so do the cells of an occupancy layer made from depth. Corrections
+        of position and yaw are applied, those of roll and pitch ignored. Objects keep their ids,
+        pictures and edits made by hand. Samples of value layers move along, and their fields are
+        estimated again. Only the newest 1000 to 2000 frames can be corrected.
 
         Args:
-            trajectory: of the camera's optical frame in the map, over all frames of the drives that
-                are to be corrected; those of others stay. It may have fewer poses than frames.
-            on_progress: called with how many frames are mapped again so far, and of how many.
-            is_under_way: whether the drive goes on: frames before and after the trajectory are
-                corrected, too, as the nearest one within.
-            least: how far a frame must move for the map to change [m]; by default it always does.
+            trajectory: of the camera's optical frame in the map, over all frames of the drives to
+                correct; other drives stay. It may have fewer poses than frames.
+            on_progress: called with the number of frames done and the number of all frames to map.
+            is_under_way: whether the drive continues: frames before and after the trajectory get
+                the nearest correction.
+            least: the map changes only if a frame moves farther [m]; by default it always does.
 
         Returns:
-            What became of the poses; None if no frame moves that far.
+            The effect of the correction; None if no frame moves far enough.
 
         Raises:
-            CannotCorrect: If it lacks a pose for a frame of these drives, or the map has no frames
-                that could be mapped again; the map stays as it was.
+            CannotCorrect: If the trajectory lacks a pose for a frame of these drives, or the map
+                has no frames to map again; the map stays unchanged.
         """
         drives = self._drives()
         poses, is_moved = corrected_poses(self._frame_log, drives, trajectory, is_under_way)
@@ -331,7 +330,7 @@ class Mapper:
         return correction
 
     def logged_poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return stamps [s] and poses (map_T_camera) of the frames that `correct` can move.
+        """Return stamps [s] and poses (`map_T_camera`) of the frames that `correct` can move.
 
         Returns:
             Shapes (N,) and (N, 4, 4).
@@ -340,7 +339,7 @@ class Mapper:
 
     @property
     def corrects_poses(self) -> bool:
-        """Whether there is a map by which poses are corrected, where that makes them better."""
+        """Whether poses are corrected by an occupancy layer where that improves them."""
         return self._aligner is not None and self.config.alignment.enabled
 
     @property
@@ -351,8 +350,8 @@ class Mapper:
     def hypermap(self) -> Hypermap:
         """Return the map so far: the layers "occupancy" and "semantic", in one frame.
 
-        Without a source of detections there is no layer "semantic". A map with which mapping went
-        on keeps its other layers.
+        Without a source of detections there is no layer "semantic". A continued map keeps its other
+        layers.
         """
         layers: list[Layer] = [self.occupancy()]
         published: list[SemanticObject] = []
@@ -375,12 +374,12 @@ class Mapper:
         return made
 
     def _mapped(self) -> Mapped:
-        """Return what the map is being made from, for its history."""
+        """Return the source of the present changes, for the map's history."""
         name = self._drive.name or ("corrected poses" if self._is_corrected else "")
         return Mapped(name, self._drive.time)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:
-        """Return what is needed to go on; later frames do not change it."""
+        """Return a copy of the state that is needed to continue."""
         first_cell, log_odds = self._occupancy.log_odds()
         return MapperState(
             tracks=self.evidence.tracks(),
@@ -395,24 +394,24 @@ class Mapper:
         )
 
     def _map_before(self) -> MapBefore:
-        """Return the map as it is, from which the next frames can be mapped again."""
+        """Return the present map, from which the next frames can be mapped again."""
         first_cell, log_odds = self._occupancy.log_odds()
         given = self._given_occupancy is not None
         return MapBefore.of(self.evidence.tracks(), first_cell, None if given else log_odds)
 
     def _drives(self) -> list[Drive]:
-        """Return copies of all drives of which something is in the map."""
+        """Return copies of all drives with frames in the map."""
         now = replace(self._drive, keys=list(self._drive.keys))
         return [*self._earlier.drives, *([now] if now.keys else [])]
 
     def occupancy(self) -> OccupancyLayer:
-        """Return the first layer of the map: the given one, or what depth has shown so far."""
+        """Return the first layer of the map: the given one, or the one made from depth so far."""
         if self._given_occupancy is not None:
             return self._given_occupancy
         return self._occupancy.layer(frame_id=self._frame_id)
 
     def leave_out(self, stamp: float, reason: str) -> None:
-        """Count an unusable frame, and log why: once for each kind of reason."""
+        """Count an unusable frame, and log the reason; see `LeftOutFrames.add`."""
         self._left_out.add(stamp, reason)
         self._count(unusable=1)
 
@@ -434,14 +433,14 @@ class Mapper:
 
     @property
     def perceiver(self) -> Perceiver:
-        """What looks at single frames."""
+        """The perception of single frames, with this mapper's settings."""
         occupancy = self.config.occupancy if self.makes_occupancy else None
         return Perceiver(
             self._source, self.config.perception, occupancy, is_watched=self.watch is not None
         )
 
     def _count_surplus(self, frame: RgbdFrame, seen: Perceived) -> None:
-        """Count the detections that were dropped because there were too many, and log the first."""
+        """Count the detections dropped because there were too many, and log the first frame."""
         if seen.surplus:
             log = _log.debug if self.surplus else _log.warning
             log(

@@ -119,7 +119,7 @@ def _edge_planes(p: NDArray[np.float64], planes: NDArray[np.float64]) -> float:
         planes[k, 0] = a[1] * b[2] - a[2] * b[1]
         planes[k, 1] = a[2] * b[0] - a[0] * b[2]
         planes[k, 2] = a[0] * b[1] - a[1] * b[0]
-    volume = p[0, 0] * planes[0, 0] + p[0, 1] * planes[0, 1] + p[0, 2] * planes[0, 2]
+    volume: float = p[0, 0] * planes[0, 0] + p[0, 1] * planes[0, 1] + p[0, 2] * planes[0, 2]
     sign = 1.0 if volume > 0 else -1.0
     for k in range(3):
         for axis in range(3):
