@@ -55,19 +55,20 @@ _WRONG = (
 
 @dataclass(frozen=True, eq=False)
 class MapperState:
-    """A mapper between two frames.
+    """The state of a mapper between two frames.
 
     Attributes:
-        tracks: all tracks, also those that are not published. Pictures and embeddings of published
-            objects are not in the file, but with their layer.
+        tracks: all tracks, including unpublished ones. Pictures and embeddings of published objects
+            are saved with their layer, not in this file.
         keyframe: pose of the last keyframe, shape (4, 4); None if there is none.
-        first_cell: row and column of the first cell of `log_odds`, from the frame's origin.
-        log_odds: of the cells of the occupancy layer, NaN for never seen, float32, shape (H, W);
+        first_cell: row and column of the first cell of `log_odds`, from the origin of the map
+            frame, int64, shape (2,).
+        log_odds: of the cells of the occupancy layer, NaN if never seen, float32, shape (H, W);
             None if the layer is not made from depth.
-        drives: the drives mapped so far.
-        counts: frame counts.
-        published: the objects as they were published.
-        alignment: what pose correction has learned; None if poses are not corrected.
+        drives: all drives so far.
+        counts: of all their frames.
+        published: the published objects, by comparison with which edits by hand are found.
+        alignment: the state of the `Aligner`; None if poses are not corrected.
         log: the newest frames, from which they can be mapped again from other poses.
     """
 
@@ -83,7 +84,7 @@ class MapperState:
 
 
 def dump_state(state: MapperState) -> bytes:
-    """Return the file; `parse_state` gives the same state again, to the last bit."""
+    """Return the content of the file; `parse_state` restores the state bit for bit."""
     facts: dict[str, Any] = {"counts": asdict(state.counts), "alignment": state.alignment}
     facts["drives"], keys = drives.packed(list(state.drives))
     arrays: dict[str, NDArray[Any]] = {"frame_keys": keys}
@@ -120,12 +121,12 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
     """Return the state in a file.
 
     Args:
-        content: the file.
-        config: with which the map was made.
-        path: how messages name the file.
+        content: of the file.
+        config: the settings that made the map.
+        path: name of the file in messages.
 
     Raises:
-        FormatError: If it has none, or is of a later version.
+        FormatError: If it is damaged, or of a later version.
     """
     file = parse_arrays(content, FORMAT, VERSION, path)
     facts, arrays = file.facts, file.arrays
@@ -158,10 +159,10 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
 def parse_published(
     content: bytes, path: str = "mapper_state"
 ) -> tuple[list[SemanticObject], dict[int, HandEdit]]:
-    """Return the objects as mapping had published them, and the edits made by hand before.
+    """Return the published objects, and earlier edits made by hand, by the objects' ids.
 
     Raises:
-        FormatError: If the file holds no state, or is of a later version.
+        FormatError: If the file is damaged, or of a later version.
     """
     arrays = parse_arrays(content, FORMAT, VERSION, path).arrays
     try:
@@ -183,7 +184,7 @@ def _edits(prefix: str, arrays: _Arrays, path: str) -> dict[int, HandEdit]:
 
 
 def _packed_map(prefix: str, content: MapBefore) -> dict[str, NDArray[Any]]:
-    """Return what belongs to a map beside the tracks: edits made by hand, and occupancy."""
+    """Return the parts of a map other than tracks: edits made by hand, and occupancy."""
     edits = {track.id: track.by_hand for track in content.tracks.objects if track.by_hand}
     records = {number: by_hand.as_record(edit) for number, edit in edits.items()}
     arrays: dict[str, NDArray[Any]] = {
@@ -196,7 +197,7 @@ def _packed_map(prefix: str, content: MapBefore) -> dict[str, NDArray[Any]]:
 
 
 def _unpacked_maps(packed: PackedTables, config: EvidenceConfig, path: str) -> list[MapBefore]:
-    """Return the maps of a file: as it is, and as it was before each part of the log."""
+    """Return the maps in a file: the present one, and the one before each part of the log."""
     found = []
     for number, tracks in enumerate(unpacked_tables(packed, config)):
         prefix = table_prefix(number)
@@ -218,7 +219,7 @@ def _grid(prefix: str, arrays: _Arrays) -> tuple[NDArray[np.int64], NDArray[np.f
 
 
 def _embedded_maps(arrays: _Arrays, config: EvidenceConfig, path: str) -> list[MapBefore]:
-    """Return the maps before each part of the log, which files once kept as files within them."""
+    """Return the maps before each part of the log from the nested files of an earlier version."""
     states = (parse_state(content, config, path) for content in unpacked_befores(arrays))
     return [MapBefore(one.tracks, one.first_cell, one.log_odds) for one in states]
 

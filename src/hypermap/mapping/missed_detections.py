@@ -1,4 +1,4 @@
-"""Missed detections: tracks that a frame should have shown, and did not, lose existence."""
+"""Missed detections: tracks that a frame should have shown, but did not, lose existence."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from hypermap.mapping.tracks import Track, TrackTable
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation
 
-_VISIBLE = 0.5  # share of an object that a frame must be able to see for it to count as missed
-_ABSENT = 0.9  # share of what can be observed of it that rays must pass for it to be absent
-_WELL_SEEN = 8  # observations from which on a detector is known to find an object
-_MOST_GONE = 50  # tracks that are gone and stay
+_VISIBLE = 0.5  # share of an object that must be visible for a missed detection
+_ABSENT = 0.9  # share of its observable samples that rays must pass for it to be absent
+_WELL_SEEN = 8  # observations from which the detector is known to find an object
+_MOST_GONE = 50  # tracks that are gone but kept
 _EVERYWHERE = (-math.inf, -math.inf, math.inf, math.inf)
 
 
@@ -32,7 +32,7 @@ def penalize_missed(
         tracks: all tracks; changed.
         observation: the frame.
         observed: the ids of the tracks that the frame showed.
-        config: how to tell what the frame should have shown, and what a miss costs.
+        config: the occlusion test, and the costs of misses.
     """
     if config.sight == "rays" and observation.view is not None:
         _penalize_by_rays(tracks, observation.stamp, observation.view, observed, config)
@@ -43,10 +43,10 @@ def penalize_missed(
 
 
 def prune(tracks: TrackTable, config: EvidenceConfig) -> list[Track]:
-    """Remove the tracks with less existence than `config` says, and return them.
+    """Remove the tracks with less existence than `forget_below`, and return them.
 
-    At the limit stay those that people have edited, and the newest of those that are gone and may
-    be at another place.
+    Tracks edited by hand are kept, and so are the newest of those that are gone, whose objects may
+    have been moved.
     """
     below = config.forget_below
     rows = np.flatnonzero(tracks.existence < below).tolist()
@@ -63,7 +63,7 @@ def prune(tracks: TrackTable, config: EvidenceConfig) -> list[Track]:
 
 
 def _newest_gone(tracks: TrackTable, below: float) -> set[int]:
-    """Return the rows of the tracks that are gone and were seen last, so that they may be back."""
+    """Return the rows of the gone tracks that were seen last, whose objects may reappear."""
     gone = [
         row
         for row in np.flatnonzero(tracks.existence <= below).tolist()
@@ -79,7 +79,7 @@ def _penalize_by_rays(
     observed: Set[int],
     config: EvidenceConfig,
 ) -> None:
-    """Lower the existence of the tracks that the rays should have shown."""
+    """Lower the existence of tracks by the rays of a frame: misses and see-throughs."""
     near = tracks.shapes.within(_EVERYWHERE, view.position[:2], config.max_range)
     rows = tracks.excluding(near, observed)
     samples = [tracks.shapes.polygons[row].cached(sample_points) for row in rows]
@@ -98,7 +98,7 @@ def _penalize_by_rays(
 def _penalize_by_area(
     tracks: TrackTable, observation: Observation, observed: Set[int], config: EvidenceConfig
 ) -> None:
-    """Lower the existence of the tracks that lie within the observed area."""
+    """Lower the existence of tracks within the visible area of a frame."""
     area = observation.visible_area
     if config.margin > 0:
         area = shapely.buffer(area, -config.margin, join_style="mitre")
@@ -115,7 +115,7 @@ def _penalize_by_area(
 
 
 def _penalize_conflicts(tracks: TrackTable, observed: Set[int], config: EvidenceConfig) -> None:
-    """Lower the existence of the tracks in whose place the frame shows another class."""
+    """Lower the existence of tracks in whose place the frame shows another class (conflicts)."""
     shapes = tracks.shapes
     for row in tracks.rows_of(observed):
         shape, (low, high) = shapes.polygons[row], shapes.heights[row].tolist()

@@ -1,8 +1,8 @@
-"""Objects that were moved: gone from one place, while one of their class and shape is at another.
+"""Moved objects: gone from one place, while one of the same class and shape is at another.
 
-A track that is gone stays in the table, unpublished. If one of its class and shape appears where
-the robot had looked before, the two are one object, which keeps its id. What was moved by less
-than its size is one track all the time; then the evidence from before is dropped.
+A gone track stays in the table, unpublished. If a track of its class and shape appears at a place
+that the robot saw empty before, both are one object, which keeps its id. An object moved by less
+than its size remains one track; then the evidence from before the move is dropped.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ CONFIRMED = 4
 """Observations that confirm a track."""
 
 STALE = 3600.0
-"""Seconds after which a place may have changed unnoticed: another drive, or much later in one."""
+"""Seconds after which a place may have changed unnoticed: in another drive, or much later."""
 
 GONE = 0.0
-"""Existence at which a track is surely gone, and not only unsure."""
+"""Existence up to which a track is surely gone, not only uncertain."""
 
-_BEFORE = 1.0  # [s] before an object was seen first, when its place was still without it
-_VIEWS = 2  # of the place without it
+_BEFORE = 1.0  # [s] before an object was first seen; views from then on do not show an empty place
+_VIEWS = 2  # of the empty place
 _COVERED = 0.5  # share of the place that such a view must cover
-_ON_FLOOR = 0.3  # [m] above which an object's place is not on the floor, and its views only near
+_ON_FLOOR = 0.3  # [m]; objects that begin higher are not on the floor, and views only near them
 _NEAR = 0.25  # [m]
 _BESIDE = 0.2  # [m] between the old place and one that it is moved to without a look between
-_SAME_HEIGHT = 0.85  # of the higher of two objects, that the other must have
-_LEAST = 0.2  # [m] between centroids that are a move within an object's place
-_PER_AREA = 0.4  # [m] per square meter: of large objects, a drive may see but one side
+_SAME_HEIGHT = 0.85  # least ratio of the heights of two objects
+_LEAST = 0.2  # [m]; least distance of centroids for a move within an object's place
+_PER_AREA = 0.4  # [m] more per square meter: a drive may see only one side of large objects
 
 
 @dataclass(frozen=True)
 class Move:
-    """A track that is gone, and the one that it has become.
+    """A gone track, and the track of the same object at its new place.
 
     Attributes:
-        gone: the id of the first.
-        there: the id of the second.
-        confidence: how likely they are one object, 0..1.
+        gone: id of the gone track.
+        there: id of the other one.
+        confidence: probability that they are one object, 0..1.
     """
 
     gone: int
@@ -58,12 +58,12 @@ class Move:
 
 
 def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
-    """Return which tracks are gone, and appeared at another place since.
+    """Return the gone tracks whose objects have appeared at other places since, one to one.
 
-    Of several that may be the same, the ones that are gone since the latest drive are, and of these
-    the ones with the shortest ways. A track also counts as gone where one that is there came beside
-    it since it was seen, in another drive: rays that meet the one do not tell that the other is
-    gone. Tracks that people have edited are never among them.
+    Among several candidates, those gone since the latest drive come first, and of these the pairs
+    with the smallest distances. A track also counts as gone if a new one appeared next to it in a
+    later drive, because rays that hit one do not show that the other is gone. Tracks edited by
+    hand are never among them.
     """
     buffers = [track.buffer for track in tracks.objects]
     if not buffers:
@@ -77,12 +77,12 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
     is_there = is_own & (tracks.existence > config.publish_above)
     newest = first[is_there].max(initial=-np.inf)
     is_gone = (tracks.existence <= GONE) & (last < newest)
-    is_gone |= last < newest - STALE  # or may be, as nobody has looked yet
+    is_gone |= last < newest - STALE  # or may be, because it was not looked at yet
     gone = np.flatnonzero(is_confirmed & is_gone).tolist()
     there = np.flatnonzero(is_there & (first > last[gone].min(initial=np.inf))).tolist()
     if not (gone and there):
         return []
-    # Most drives do not come here, and the import takes a quarter of a second.
+    # Most drives do not get here, and the import takes a quarter of a second.
     from scipy.optimize import linear_sum_assignment
 
     alike, ways = _compared(tracks, gone, there)
@@ -101,13 +101,13 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
 
 
 def _leave_out_older(alike: NDArray[np.float64], gone_since: NDArray[np.float64]) -> None:
-    """Set to 0 what was gone before the latest drive, where another may be the same as well.
+    """Set pairs to 0 whose gone track has been gone longer than another candidate.
 
-    The other one is gone since that drive, or may be, as nobody has looked yet.
+    The other candidate is gone since the latest drive, or may be, because it was not looked at yet.
 
     Args:
-        alike: of each track and each that it may have become, shape (N, M); changed.
-        gone_since: stamps [s]; the latest one for what is not gone yet, shape (N,).
+        alike: similarity of each gone track and each new one, shape (N, M); changed.
+        gone_since: stamps [s], the latest one for tracks that are not surely gone, shape (N,).
     """
     since = gone_since[:, np.newaxis]
     latest = np.where(alike > 0, since, -np.inf).max(axis=0)
@@ -117,7 +117,7 @@ def _leave_out_older(alike: NDArray[np.float64], gone_since: NDArray[np.float64]
 def _leave_out_others(
     alike: NDArray[np.float64], tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
 ) -> None:
-    """Set to 0 what cannot be the same: not gone, or in a place where nobody had looked before."""
+    """Set pairs to 0 that cannot be one object: not gone, or no view of the empty new place."""
     views: list[Evidence] | None = None
     for j, row in enumerate(there):
         for i in np.flatnonzero(alike[:, j]).tolist():
@@ -131,9 +131,9 @@ def _leave_out_others(
 def _leave_out_other_heights(
     alike: NDArray[np.float64], tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
 ) -> None:
-    """Set to 0 what is not as high, where both stand on the floor.
+    """Set pairs to 0 whose heights differ, if both are on the floor.
 
-    Who sees an object few times may not have seen its top yet; then nothing is known so far.
+    After few observations the top of an object may not have been seen; then pairs stay.
     """
     for i, j in np.argwhere(alike > 0).tolist():
         (low, high), (other_low, other_high) = (
@@ -145,7 +145,7 @@ def _leave_out_other_heights(
 
 
 def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
-    """Return whether a track is beside where another was, not seen since another drive."""
+    """Return whether a track is next to the place of another, not seen since an earlier drive."""
     begin, end = tracks.objects[row].buffer.first_seen, tracks.objects[other].buffer.last_seen
     shape, was = (tracks.shapes.polygons[one].geometry for one in (row, other))
     return begin > end + STALE and bool(shapely.dwithin(shape, was, _BESIDE))
@@ -154,15 +154,15 @@ def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
 def moved_within_place(
     buffer: EvidenceBuffer, fuse: Fusion, config: EvidenceConfig
 ) -> tuple[EvidenceBuffer, float] | None:
-    """Return the evidence since an object was moved by less than its size, and how alike it is.
+    """Return the evidence since an object was moved by less than its size, and the confidence.
 
-    The evidence of the newest drive, or since the object was not seen for long, must agree on
-    another place, and have seen the floor where the object was. There must be 4 pieces of it.
+    At least 4 pieces of evidence of the newest drive, or since a long gap, must agree on another
+    place, and have seen the floor where the object was.
 
     Args:
-        buffer: the evidence for an object; is unchanged.
-        fuse: makes a shape of evidence.
-        config: how.
+        buffer: the evidence for an object; not changed.
+        fuse: the fusion method.
+        config: its settings.
 
     Returns:
         None for an object that was not moved.
@@ -176,7 +176,7 @@ def moved_within_place(
     if len(fresh) < CONFIRMED or since < CONFIRMED:
         return None
     means = [part.mean(axis=0) for part in np.split(buffer.centroids, [since])]
-    if np.linalg.norm(means[1] - means[0]) < _LEAST / 2:  # the usual case, which costs nothing
+    if np.linalg.norm(means[1] - means[0]) < _LEAST / 2:  # the usual case, which is fast
         return None
     newer = _buffer_of(fresh, buffer, config)
     older = _buffer_of(buffer.items[:since], buffer, config)
@@ -194,7 +194,7 @@ def moved_within_place(
 def _buffer_of(
     items: list[Evidence], whole: EvidenceBuffer, config: EvidenceConfig
 ) -> EvidenceBuffer:
-    """Return a buffer of some evidence, with the statistics of all of it."""
+    """Return a buffer with some of the evidence, and the statistics of all of it."""
     part = EvidenceBuffer.of(
         items,
         config.max_evidence,
@@ -208,7 +208,7 @@ def _buffer_of(
 
 
 def _saw(area: BaseGeometry, items: Sequence[Evidence]) -> bool:
-    """Return whether some of the views of an object saw an area of the floor."""
+    """Return whether some views of an object saw an area of the floor."""
     seen = as_objects(item.visible_area for item in items)
     shares = shapely.area(shapely.intersection(seen, area)) / area.area
     return int(np.count_nonzero(shares >= _COVERED)) >= _VIEWS
@@ -217,7 +217,7 @@ def _saw(area: BaseGeometry, items: Sequence[Evidence]) -> bool:
 def _compared(
     tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how alike tracks are, 0 where they cannot be one object, and how far apart [m]."""
+    """Return similarities, 0 for pairs that cannot be one object, and distances [m], (N, M)."""
     shapes = tracks.shapes
     centers = [shapely.centroid(shapes.geometries(rows)) for rows in (gone, there)]
     ways = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
@@ -240,7 +240,7 @@ def _views(tracks: TrackTable) -> list[Evidence]:
 
 
 def _was_without(tracks: TrackTable, row: int, views: Sequence[Evidence]) -> bool:
-    """Return whether the robot had looked at the place of a track before it was seen there."""
+    """Return whether the robot saw the place of a track before the track was seen there."""
     begin = tracks.objects[row].buffer.first_seen - _BEFORE
     earlier = [view.visible_area for view in views if view.stamp < begin]
     if not earlier:

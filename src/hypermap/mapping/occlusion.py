@@ -14,18 +14,18 @@ from hypermap.perception.depth_view import DepthView
 
 _AROUND = np.arange(8) / 8  # samples along the contour
 _INWARD = 0.75  # where the samples lie between centroid and contour
-_HEIGHTS = np.array([0.25, 0.5, 0.75])  # where they lie between lowest and highest point
-_FEWEST_RAYS = 10  # that must be able to hit an object for it to be large enough to detect
+_HEIGHTS = np.array([0.25, 0.5, 0.75])  # of the samples, between lowest and highest point
+_FEWEST_RAYS = 10  # that must be able to hit an object; smaller ones cannot be detected
 
 
 @dataclass(frozen=True, eq=False)
 class SamplePoints:
-    """Where to look for an object.
+    """Where the occlusion test samples an object.
 
     Attributes:
         around: points of its contour [m], shape (8, 2).
         xy: its center, and points between that and its contour [m], shape (9, 2).
-        width: the largest distance between opposite points of its contour [m].
+        width: the largest distance between opposite samples of its contour [m].
     """
 
     around: NDArray[np.float64]
@@ -34,7 +34,7 @@ class SamplePoints:
 
 
 def sample_points(shape: PreparedPolygon) -> SamplePoints:
-    """Return where to look for an object: sample points of the convex hull of its shape."""
+    """Return the sample points of an object, from the convex hull of its shape."""
     hull = shapely.convex_hull(shape.geometry)
     ring = shapely.get_exterior_ring(hull)
     around = shapely.get_coordinates(shapely.line_interpolate_point(ring, _AROUND, normalized=True))
@@ -46,13 +46,13 @@ def sample_points(shape: PreparedPolygon) -> SamplePoints:
 
 @dataclass(frozen=True, eq=False)
 class SeenShares:
-    """How much of N objects a frame could see, as shares of each one's samples, shape (N,) each.
+    """How much of N objects a frame could see, as shares of the samples, shape (N,) each.
 
     Attributes:
-        visible: of those whose rays ended at the object or behind it.
-        through: of those whose rays ended behind the whole object.
-        beyond: of those whose rays ended behind the sample itself. A thing that is gone from a wall
-            shows the wall, which is not behind all of it by more than the tolerance.
+        visible: samples whose rays ended at the object or behind it.
+        through: samples whose rays ended behind the whole object.
+        beyond: samples whose rays ended behind the sample itself. Where an object on a wall is
+            gone, rays hit the wall, which is not behind the whole object by the tolerance.
     """
 
     visible: NDArray[np.float64]
@@ -65,15 +65,15 @@ def visible_shares(
 ) -> SeenShares:
     """Return how much of each object a frame could see, and how much it saw through.
 
-    Sample points of each object are looked up in the depth image. A ray that ended before the
-    object shows nothing of it; one that ended behind it went through the place where it should be.
-    Of objects too small or too far away to be found nothing is seen.
+    Samples of each object are projected into the depth image. A ray that ended before the object
+    shows an occlusion; one that ended behind it passed through its place. Objects too small or too
+    far away to be detected have no visible samples.
 
     Args:
         view: where the frame's rays ended.
-        samples: of each object, N.
+        samples: of each of the N objects.
         heights: lowest and highest point of each object [m], shape (N, 2).
-        tolerance: by how much the measured surface of an object may be off [m].
+        tolerance: error of the measured surface of an object [m].
     """
     if not samples:
         return SeenShares(np.empty(0), np.empty(0), np.empty(0))
@@ -85,7 +85,7 @@ def visible_shares(
     xyz[..., :2] = xy[:, :, np.newaxis]
     xyz[..., 2] = z[:, np.newaxis]
     reach = view.reach_towards(xyz.reshape(-1, 3)).reshape(len(samples), -1)
-    # Where there was no return, the comparisons with NaN are false: not visible.
+    # Without a return, the comparisons with NaN are false: not visible.
     visible = reach >= distances.min(axis=1, keepdims=True) - tolerance
     through = reach > distances.max(axis=1, keepdims=True) + tolerance
     own = np.linalg.norm(xy - view.position[:2], axis=2)

@@ -22,24 +22,24 @@ from hypermap.mapping.seen_cells import SeenCells, cells_from
 from hypermap.mapping.stages import OccupancyConfig
 from hypermap.perception.frame import RgbdFrame
 
-_BLOCK = 256  # cells; the grid grows by whole blocks, so that it seldom has to move
+_BLOCK = 256  # cells; the grid grows by whole blocks, so it is seldom copied
 
 
 class OccupancyMapper:
     """A grid of log-odds that grows with the area seen.
 
-    In each frame a cell is hit if enough points above the floor lie in it. Otherwise it is free if
-    a ray passes low over it. Otherwise the frame says nothing about it. Hits add to the cell's
-    log-odds and misses subtract, between two clamps.
+    In each frame, a cell is hit if it contains enough points above the floor; otherwise it is free
+    if a ray passes low over it; otherwise it is unobserved. Hits add to the cell's log-odds, misses
+    subtract, and both are clamped.
 
     Attributes:
-        config: how all of this is done.
+        config: the settings.
     """
 
     def __init__(self, config: OccupancyConfig) -> None:
         self.config = config
         self._world = GridGeometry(width=1, height=1, resolution=config.resolution)
-        # Cell (0, 0) of the log-odds is this cell of the world; NaN was never seen.
+        # Cell (0, 0) of the log-odds is this cell of the map frame; NaN if never seen.
         self._first = np.zeros(2, dtype=np.int64)
         self._log_odds = np.empty((0, 0), dtype=np.float32)
 
@@ -52,11 +52,11 @@ class OccupancyMapper:
         self.change_by(self.seen_in(frame))()
 
     def seen_in(self, frame: RgbdFrame) -> SeenCells | None:
-        """Return what a depth image shows of the cells; None if it shows none."""
+        """Return the cells that a depth image shows hit or free; None if there are none."""
         return self._seen_by(Rays.of_depth(frame, self.config), self.config.min_points)
 
     def change_by(self, seen: SeenCells | None) -> Callable[[], None]:
-        """Return a function that adds what was seen to the log-odds, and cannot fail.
+        """Return a function that adds the observed cells to the log-odds, and cannot fail.
 
         Call it before anything else is added.
 
@@ -84,12 +84,12 @@ class OccupancyMapper:
         """Add a scan of a level laser.
 
         Args:
-            ranges: meters, shape (N,). A range of `range_max` or more, as infinity, is a ray that
-                met nothing; NaN, zero and less are no measurements (REP 117).
+            ranges: meters, shape (N,). A range of at least `range_max`, such as infinity, is a ray
+                that hit nothing; NaN, zero and negative ranges are no measurements (REP 117).
             angle_min: angle of the first ray from the laser's x axis toward its y axis [rad].
             angle_increment: from one ray to the next [rad].
             map_T_laser: pose of the laser in the map, shape (4, 4).
-            range_max: rays are used up to here [m]; `max_range` if None.
+            range_max: rays are used up to this range [m]; `max_range` if None.
 
         Raises:
             HypermapError: If the map would grow beyond `max_cells`; it stays as it was.
@@ -105,8 +105,8 @@ class OccupancyMapper:
     def layer(self, name: str = "occupancy", frame_id: str = "map") -> OccupancyLayer:
         """Return the layer so far, cropped to the cells that were ever seen.
 
-        Cells are -1 unknown, 0 free, 100 occupied, or the likelihood in percent between the
-        thresholds. The layer is empty if nothing was seen.
+        Cells are -1 unknown, 0 free, 100 occupied, or between the thresholds the probability in
+        percent. The layer is empty if nothing was seen.
         """
         first, seen = self.log_odds()
         if seen.size == 0:
@@ -123,8 +123,8 @@ class OccupancyMapper:
         """Return the evidence so far, for `go_on_with`.
 
         Returns:
-            Which cell of the world is the first, row and column counted from the frame's origin;
-            and the log-odds from there on, NaN for never seen, shape (H, W).
+            Row and column of the first cell, counted from the origin of the map frame, int64, shape
+            (2,); and the log-odds, NaN if never seen, float32, shape (H, W).
         """
         known = ~np.isnan(self._log_odds)
         rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
@@ -147,7 +147,7 @@ class OccupancyMapper:
         return SeenCells(first, hits >= min_points, is_free)
 
     def _cover(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> None:
-        """Let the grid grow until it holds the cells of the world from first to last."""
+        """Grow the grid to cover the cells of the map frame from first to last."""
         end = self._first + self._log_odds.shape
         if self._log_odds.size == 0:
             new_first, new_end = first, last + 1
@@ -184,7 +184,7 @@ def _change(
     changes: tuple[float, float],
     clamps: tuple[float, float],
 ) -> None:
-    """Change the log-odds, NaN for never seen, of cells that are hit or else free."""
+    """Update the log-odds, NaN if never seen, of cells that are hit or else free."""
     for row in range(log_odds.shape[0]):
         for col in range(log_odds.shape[1]):
             if is_hit[row, col] or is_free[row, col]:

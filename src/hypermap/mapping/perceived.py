@@ -1,4 +1,4 @@
-"""From one frame to its detections, its observation and its cells, without the frames before it."""
+"""Perception of a single frame: its detections, its observation and its cells."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from hypermap.perception.observe import observe, usable_detections
 
 @dataclass(frozen=True, eq=False)
 class FrameDetections:
-    """The detections of one frame, whatever its pose.
+    """The detections of one frame, independent of its pose.
 
     Attributes:
-        detections: those that are used.
+        detections: those used.
         surplus: how many were dropped because there were too many.
     """
 
@@ -37,7 +37,7 @@ class Perceived(FrameDetections):
 
     Attributes:
         observation: the footprints of the objects on the floor.
-        cells: the cells that it shows blocked or free; None if that is not asked or there are none.
+        cells: the cells that it shows occupied or free; None if not wanted, or there are none.
     """
 
     observation: Observation
@@ -46,12 +46,12 @@ class Perceived(FrameDetections):
 
 @dataclass(frozen=True)
 class Perceiver:
-    """Looks at single frames; what it returns depends on the frame alone.
+    """Perceives single frames; its result depends on the frame alone.
 
     Attributes:
-        source: says what a frame shows.
-        perception: how objects are cut out.
-        occupancy: how depth becomes cells; None if it does not.
+        source: returns the detections of a frame.
+        perception: settings of segmentation and footprints.
+        occupancy: settings of the occupancy layer; None if it is not made from depth.
         is_watched: whether an observer needs the color and the segments of the objects.
     """
 
@@ -72,10 +72,10 @@ class Perceiver:
         """Return the detections of a frame.
 
         Raises:
-            HypermapError: If the source cannot say them, or its color cannot be read.
+            HypermapError: If the source fails, or the color cannot be read.
         """
         if self.is_watched:
-            _ = frame.color  # decoded now, so that a damaged one leaves the map as it was
+            _ = frame.color  # decoded now, so a damaged one leaves the map unchanged
         found = detections_of("the source of detections", lambda: self.source(frame))
         masks, shape = found.masks, frame.depth.shape
         if masks is not None and len(masks) and masks.shape[1:] != shape:
@@ -87,7 +87,7 @@ class Perceiver:
         return FrameDetections(usable, int(surplus))
 
     def perceived(self, frame: RgbdFrame, found: FrameDetections) -> Perceived:
-        """Return what a frame with these detections shows from its pose."""
+        """Return what a frame with these detections shows, by its pose."""
         # Only observers need the segments, which refer to the usable detections.
         observation = observe(
             frame, found.detections, self.perception, keep_segments=self.is_watched

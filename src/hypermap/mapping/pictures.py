@@ -1,7 +1,7 @@
-"""Keeps for each object the few pictures that show it best, from different sides.
+"""Keeps the few pictures that show each object best, from different sides.
 
-A picture is better if it shows more of the object: more of its pixels, not cut off by the border of
-the image, with a better score. That is known without decoding the color image, which is done only
+A picture is better if it shows more pixels of the object, not cut off by the border of the image,
+with a higher score. All of this is known without decoding the color image, which is decoded only
 for the few frames that improve something.
 """
 
@@ -35,7 +35,7 @@ _LEAST = 10  # pixels; in smaller pictures nothing can be seen
 _ENOUGH = 200.0 * 200.0  # pixels of an object; more of them show no more
 _MARGIN = 0.1  # of the box, around it
 _CUT_OFF = 0.5  # quality of an object at the border of the image
-_BETTER = 1.5  # times as good, or it is not worth decoding the color image
+_BETTER = 1.5  # times as good; less is not worth decoding the color image
 _BLURRED = 0.5  # of the sharpness of an earlier picture from the same side
 _JPEG_QUALITIES = (85, 70, 50, 30)
 
@@ -43,13 +43,13 @@ _JPEG_QUALITIES = (85, 70, 50, 30)
 def keep_pictures(
     frame: RgbdFrame, detections: Detections, evidence: EvidenceMap, config: PictureConfig
 ) -> None:
-    """Keep what a frame shows of its objects, where that is better than what there is.
+    """Keep crops of a frame that show objects better than their pictures so far.
 
     Args:
-        frame: the frame that the evidence map was last updated with.
-        detections: those that its objects refer to.
-        evidence: where the pictures are kept.
-        config: of what.
+        frame: the frame of the last update of the evidence map.
+        detections: the detections of its objects.
+        evidence: keeps the pictures; changed.
+        config: which pictures are kept.
     """
     for observed, track_id in evidence.shown:
         names = observed.name, evidence.class_of(track_id)
@@ -85,7 +85,7 @@ def _azimuth(frame: RgbdFrame, observed: ObservedObject) -> float:
 
 
 def _quality(frame: RgbdFrame, box: NDArray[np.float32], observed: ObservedObject) -> float:
-    """Return how well a frame shows an object, at most 1, as far as its color does not matter."""
+    """Return how well a frame shows an object, at most 1, without regard to color."""
     x_min, y_min, x_max, y_max = box.tolist()
     is_whole = min(x_min, y_min) >= 1 and x_max < frame.camera.width and y_max < frame.camera.height
     size = min(1.0, observed.pixel_count / _ENOUGH)

@@ -1,9 +1,9 @@
 """The pre-flight check: whether a recording meets the assumptions of mapping.
 
-Mapping believes that the floor is level at z = 0, that depth is in meters and registered to color,
-that poses and images have one clock, and that the camera is the right way up. Where that is not so,
-a map is made all the same, and a wrong one. So the first frames are looked at, and now and then
-later ones; each problem is reported once: what was measured, its effect on the map, and the remedy.
+Mapping assumes that the floor is level at z = 0, that depth is in meters and registered to color,
+that poses and images share one clock, and that the camera is upright. Otherwise the map is wrong.
+So this checks the first frames, and some later ones, and reports each problem once: what was
+measured, its effect on the map, and the remedy.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from hypermap.perception.frame import RgbdFrame
 
 _log = logging.getLogger(__name__)
 
-_FIRST = 24  # mapped frames after which the check is made; then after eight times as many, ...
+_FIRST = 24  # mapped frames before the first check; the next ones after eight times as many, ...
 _AGAIN = 8
 _LEAST_OFFSET = 0.035  # seconds; less may be the exposure of images, or how poses are interpolated
 _LEAST_MOVE = 0.02  # meters
 _LEAST_SCALE = math.log(1.25)  # a smaller error of depth does not come from a wrong unit
-_UPSIDE_DOWN = -0.5  # mean cosine between the images' upward side and that of the map
-_SIDEWAYS = 0.7  # the same of their right side
+_UPSIDE_DOWN = -0.5  # mean cosine between the images' upward axis and the z axis
+_SIDEWAYS = 0.7  # the same for the images' horizontal axis
 _UNDECIDED = {
     "scale": "the camera hardly moves, so nothing tells the unit of depth",
     "clock": "frames too far apart, or too even a motion, to compare clocks",
@@ -70,8 +70,8 @@ class Preflight:
     Args:
         report: called with each problem.
         max_depth: depth beyond which objects are ignored [m].
-        map_T_world: the pose of the recording's world that its options gave, shape (4, 4), to which
-            the one that levels it is added.
+        map_T_world: pose of the recording's world frame given by its options, shape (4, 4); the
+            leveling pose is composed with it.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Preflight:
         self._consistency.add(frame)
 
     def add_mapped(self, frame: RgbdFrame) -> None:
-        """Check a mapped frame in more detail, and report the problems that are clear by now."""
+        """Check a mapped frame in more detail, and report new problems."""
         self._floor.add(frame)
         self._depth.add(frame)
         self._registration.add(frame)
@@ -105,7 +105,7 @@ class Preflight:
             self.finish()
 
     def finish(self) -> None:
-        """Report the problems that were not reported before."""
+        """Report the remaining problems."""
         for finding in self.findings():
             if finding.is_wrong and finding.check not in self._reported:
                 self._reported.add(finding.check)
@@ -218,8 +218,8 @@ class Preflight:
 def leveling_pose(frames: Iterable[RgbdFrame]) -> tuple[NDArray[np.float64], Floor | None]:
     """Return the pose that moves the visible floor to z = 0, and the floor.
 
-    The identity, shape (4, 4), if no floor is visible, or it is already level at z = 0. A level
-    surface above z = 0 that may be a table stays where it is.
+    The pose has shape (4, 4). It is the identity if no floor is visible, or it is already level at
+    z = 0, or if the surface above z = 0 may be a table.
     """
     sampler = FloorSampler()
     for frame in frames:

@@ -15,7 +15,7 @@ from hypermap._loops import loop
 from hypermap.core.arrays import ObjectArray, as_objects
 
 _POLYGON = 3  # shapely's number of this type
-_NOTHING = 1e-12  # share of a shape's area; less is what rounding leaves where shapes only touch
+_NOTHING = 1e-12  # share of a shape's area; less is rounding, where shapes only touch
 
 T = TypeVar("T")
 Box: TypeAlias = tuple[float, float, float, float]  # xmin, ymin, xmax, ymax [m]
@@ -23,14 +23,14 @@ Box: TypeAlias = tuple[float, float, float, float]  # xmin, ymin, xmax, ymax [m]
 
 @dataclass(frozen=True, eq=False)
 class PreparedPolygon:
-    """A polygon with what is computed from it once, like a prepared geometry of GEOS.
+    """A polygon with derived values that are computed once, like a prepared geometry of GEOS.
 
     Attributes:
         geometry: polygon or multipolygon in the map frame [m]; may be empty.
         box: xmin, ymin, xmax, ymax [m], NaN if empty.
         area: of the geometry [m²].
-        edges: of all rings: x0, y0, x1, y1 [m], and 1 where the inside lies to the left of the
-            edge or -1 where it lies to the right, float64, shape (E, 5).
+        edges: of all rings: x0, y0, x1, y1 [m], and 1 if the inside is to the left of the edge or
+            -1 if it is to the right, float64, shape (E, 5).
     """
 
     geometry: BaseGeometry
@@ -64,7 +64,7 @@ class PreparedPolygon:
         ]
 
     def cached(self, make: Callable[..., T], *arguments: Hashable) -> T:
-        """Return the result of a function, which is called once per polygon and arguments.
+        """Return the result of a function, which is called once for this polygon and arguments.
 
         Args:
             make: takes the polygon and the other arguments.
@@ -86,9 +86,9 @@ def shared_area(one: PreparedPolygon, other: PreparedPolygon) -> float:
 def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> float:
     """Return the area that two shapes share [m²].
 
-    A shape is the sum of the strips below its edges, counted as positive below the upper edges and
-    as negative below the lower ones. So what two shapes share is the sum of what each pair of
-    strips shares: the lower one of two lines, integrated over the stretch that they have in common.
+    A shape is the signed sum of the strips below its edges: positive below upper edges, negative
+    below lower ones. So the shared area is the signed sum over all pairs of strips of the area
+    below the lower one of two edges, over their common interval of x.
 
     Args:
         edges: of one shape, as `PreparedPolygon.edges`.
@@ -97,7 +97,7 @@ def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> flo
     total = 0.0
     if len(edges) == 0 or len(others) == 0:
         return total
-    x_origin, y_origin = edges[0, 0], edges[0, 1]  # so that distant shapes lose no digits
+    x_origin, y_origin = edges[0, 0], edges[0, 1]  # so distant shapes lose no precision
     for i in range(len(edges)):
         xa0, ya0 = edges[i, 0] - x_origin, edges[i, 1] - y_origin
         xa1, ya1 = edges[i, 2] - x_origin, edges[i, 3] - y_origin
@@ -117,7 +117,7 @@ def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> flo
             b_left, b_right = yb0 + slope_b * (left - xb0), yb0 + slope_b * (right - xb0)
             heights = min(a_left, b_left) + min(a_right, b_right)
             over_left, over_right = a_left - b_left, a_right - b_right
-            if over_left * over_right < 0:  # the lines cross: the lower one rises above its chord
+            if over_left * over_right < 0:  # the edges cross
                 heights += abs(over_left * over_right / (over_left - over_right))
             sign_b = others[j, 4] if xb1 < xb0 else -others[j, 4]
             total += sign_a * sign_b * heights / 2 * (right - left)
