@@ -75,7 +75,7 @@ class Aligner:
 
     @property
     def learned(self) -> tuple[float, float, bool]:
-        """The state to pass to `go_on_with`: two numbers of `Shrinkage`, and the last verdict."""
+        """The state for `go_on_with`: two sums of `Shrinkage`, and the last verdict."""
         return *self._shrinkage.learned, self._agreement.is_worse
 
     def go_on_with(self, size: float, expected: float, is_worse: bool) -> None:

@@ -1,4 +1,4 @@
-"""Make tracks of edits made by hand, so that mapping does not undo them."""
+"""Turns edits made by hand into tracks, so that mapping does not undo them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def protected(
 ) -> TrackTable:
     """Return the tracks with the edits made by hand, in the order of their ids.
 
-    An object drawn by hand gets a track, so that its evidence makes no second object there. Its id
-    may belong to another track: if that was not published, it is replaced; if it was deleted by
-    hand, it gets a new id, unless the drawn object is the same object again.
+    An object drawn by hand gets a track, so its evidence does not create a second object. Its id
+    may belong to another track: an unpublished one is replaced; one deleted by hand gets a new id,
+    unless the drawn object is the same object again.
 
     Args:
         tracks: of mapping.
         edits: by the objects' ids.
-        config: the one of the tracks.
+        config: of the tracks.
     """
     if not edits and all(track.by_hand is None for track in tracks.objects):
         return tracks
@@ -59,7 +59,7 @@ def protected(
 
 
 def _is_another(tracks: TrackTable, row: int, drawn: SemanticObject) -> bool:
-    """Return whether a track was deleted by hand, and something else drawn."""
+    """Return whether a track was deleted by hand, and another object drawn."""
     track, shape = tracks.objects[row], tracks.shapes.polygons[row].geometry
     is_there = bool(shapely.intersects(shape, drawn.footprint))
     return track.is_deleted and not (track.name == drawn.name and is_there)

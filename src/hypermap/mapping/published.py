@@ -94,10 +94,10 @@ class PublishedTracks:
 
         Args:
             row: of the track.
-            shifts: by how much its evidence is moved first [m], shape (N, 2); None for not.
+            shifts: translations applied to its evidence first [m], shape (N, 2); None for none.
         """
         track = self.tracks.objects[row]
-        # The stale shape stays: a question must not change the map.
+        # The stale shape stays: a query must not change the map.
         if shifts is not None and shifts.any():
             fused = votes(track.buffer, self.config, shifts)
         elif track.pending > 0:
@@ -133,7 +133,7 @@ class PublishedTracks:
         return found if edit is None else edit.applied_to(found)
 
     def _confidence(self, row: int) -> float:
-        """Return how sure it is that a track is an object: a probability, by its existence."""
+        """Return the confidence of a track, 0..1: a probability by its existence, or the score."""
         buffer = self.tracks.objects[row].buffer
         if self.config.confidence == "score":
             return buffer.score_sum / buffer.count

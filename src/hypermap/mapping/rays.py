@@ -16,11 +16,11 @@ from hypermap.perception.frame import RgbdFrame
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Rays over the floor: where they hit something, and which stretch they show free.
+    """Rays over the floor: hits, and the free segments before them.
 
     Attributes:
-        hits_xy: points that block, in the map [m], shape (N, 2).
-        free_from_xy: where the free stretches begin [m], shape (M, 2).
+        hits_xy: hits in the map frame [m], shape (N, 2).
+        free_from_xy: where the free segments begin [m], shape (M, 2).
         free_to_xy: where they end [m], shape (M, 2).
     """
 
@@ -32,9 +32,9 @@ class Rays:
     def of_depth(cls, frame: RgbdFrame, config: OccupancyConfig) -> Rays:
         """Return the rays of a depth image.
 
-        A point between `min_height` and `max_height` above the floor is a hit. A ray shows free
-        only the stretch on which it runs between the floor and `free_below`: that a ray passes
-        high over a cell says nothing of the table below it.
+        A point between `min_height` and `max_height` above the floor is a hit. A ray frees only
+        the segment between the floor and `free_below`: a ray high above a cell says nothing about
+        a table below it.
         """
         points = frame.points(config.pixel_step)
         hits, free_from, free_to = np.empty((3, points.shape[0] * points.shape[1], 2))
@@ -60,7 +60,7 @@ class Rays:
         range_max: float,
         resolution: float,
     ) -> Rays:
-        """Return the rays of a laser scan; `OccupancyMapper.add_scan` says what they mean."""
+        """Return the rays of a laser scan; see `OccupancyMapper.add_scan` for the arguments."""
         r = np.asarray(ranges, dtype=np.float64)
         angles = angle_min + angle_increment * np.arange(len(r))
         usable = (r > 0) & ~np.isnan(r)
@@ -77,7 +77,7 @@ class Rays:
         )
 
     def bounds(self) -> NDArray[np.float64] | None:
-        """Return the lower left and upper right corner of all [m], shape (2, 2); None if empty."""
+        """Return their lower left and upper right corner [m], shape (2, 2); None if empty."""
         every = (self.hits_xy, self.free_from_xy, self.free_to_xy)
         boxes = np.array([_box(points) for points in every if len(points)])
         if len(boxes) == 0:
@@ -85,10 +85,10 @@ class Rays:
         return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
     def rasterize(self, grid: GridGeometry) -> tuple[NDArray[np.int64], BoolArray]:
-        """Return how often each cell is hit, and whether it is on a free stretch.
+        """Return the number of hits in each cell, and whether it is on a free segment.
 
         Returns:
-            Two arrays of the grid's shape.
+            Two arrays of the grid's shape: int64 and bool.
         """
         to_cells = grid.to_cells_matrix()
         hits, free = np.zeros(grid.shape, dtype=np.int64), np.zeros(grid.shape, dtype=bool)
@@ -107,20 +107,20 @@ def _cast(
     free_from: NDArray[np.float64],
     free_to: NDArray[np.float64],
 ) -> tuple[int, int]:
-    """Fill in what `Rays` holds, from an organised cloud.
+    """Fill in the arrays of `Rays` from an organized cloud.
 
     Args:
         points: in the camera's frame [m], NaN for no return, shape (H, W, 3).
         map_T_camera: pose of the camera, shape (4, 4).
         heights: min_height, max_height and free_below above the floor [m].
-        max_range: of a point over the floor [m].
-        resolution: by how much a free stretch ends before a hit, as hits are never quite exact [m].
-        hits: room for one per point, shape (H * W, 2).
-        free_from: likewise.
-        free_to: likewise.
+        max_range: largest distance of a point over the floor [m].
+        resolution: a free segment ends so far before its hit, because hits are not exact [m].
+        hits: filled in; space for one per point, shape (H * W, 2).
+        free_from: filled in, likewise.
+        free_to: filled in, likewise.
 
     Returns:
-        How many hits and how many free stretches there are.
+        The numbers of hits and of free segments.
     """
     T, (min_height, max_height, free_below) = map_T_camera, heights
     n_hits = n_free = 0
@@ -149,7 +149,7 @@ def _cast(
 
 @inner_loop()
 def _low_stretch(start: float, end: float, low: float, high: float) -> tuple[float, float]:
-    """Return from where to where a line runs between two heights, as shares of its length.
+    """Return the part of a line between two heights, as shares of its length.
 
     Args:
         start: height at which the line begins [m].
@@ -158,7 +158,7 @@ def _low_stretch(start: float, end: float, low: float, high: float) -> tuple[flo
         high: the upper height [m].
 
     Returns:
-        Two shares in 0..1; the second is not above the first where there is no such stretch.
+        Two shares in 0..1; the second is not larger than the first if there is no such part.
     """
     climb = end - start
     if abs(climb) < 1e-9:
@@ -189,8 +189,8 @@ def _rasterize(
     """Count the points in each cell, and mark the cells under straight lines.
 
     Args:
-        counts: zeros, shape (height, width).
-        marked: nothing, shape (height, width).
+        counts: zeros, shape (height, width); filled in.
+        marked: all False, shape (height, width); filled in.
         points_xy: shape (N, 2).
         begin_xy: of the lines, shape (M, 2).
         end_xy: of the lines, shape (M, 2).
@@ -215,7 +215,7 @@ def _rasterize(
 
 @inner_loop()
 def _position(to_cells: NDArray[np.float64], x: float, y: float) -> tuple[float, float]:
-    """Return where a point lies, counted in columns and rows (`GridGeometry.to_cells_matrix`)."""
+    """Return the column and row of a point (`GridGeometry.to_cells_matrix`), as floats."""
     return (
         to_cells[0, 0] * x + to_cells[0, 1] * y + to_cells[0, 2],
         to_cells[1, 0] * x + to_cells[1, 1] * y + to_cells[1, 2],

@@ -1,4 +1,4 @@
-"""The map of a whole recording: frame by frame, without those that cannot be used."""
+"""The map of a whole recording: frame by frame, without unusable ones."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _MAX_FAILED_FIRST = 100  # frames that may fail before the first usable one
 
 @dataclass(frozen=True)
 class Progress:
-    """How far mapping has come.
+    """The progress of mapping.
 
     Attributes:
         done: frames so far.
         total: frames of the recording, at most.
         objects: objects in the map so far.
-        counts: what became of the frames.
+        counts: frame counts so far.
     """
 
     done: int
@@ -41,10 +41,10 @@ class Progress:
 
 
 class Ahead(Protocol):
-    """Looks at the frames of a recording before they are mapped."""
+    """Perceives the frames of a recording before they are mapped."""
 
     def begin(self, mapper: Mapper) -> None:
-        """Look at frames as this mapper would."""
+        """Perceive frames with the settings of this mapper."""
 
     def perceive(self, frame: RgbdFrame, perceiver: Perceiver) -> Perceived:
         """Return what a frame shows; see `Mapper.perceive`."""
@@ -66,32 +66,31 @@ def map_recording(
 ) -> Hypermap:
     """Return the map of a recording.
 
-    To stop early and keep the map so far (as the command line does on Ctrl-C), pass a recording
-    whose `frames` end early, or call `Mapper` in a loop of your own.
+    To stop early and keep the map so far, as the command line does on Ctrl-C, pass a recording
+    whose `frames` end early, or call `Mapper` in your own loop.
 
     Frames that cannot be read, and those for which the source of detections fails, are skipped,
     counted and logged.
 
     Args:
         recording: where the frames come from.
-        source: says what a frame shows; None for a map without objects.
-        config: how it is done.
+        source: returns the detections of a frame; None for a map without objects.
+        config: the settings.
         occupancy: the map's first layer, instead of the recording's own map or one made from
             depth.
         on_progress: called after each frame.
-        watch: called after each frame that was mapped.
-        preflight: looks whether the recording is as mapping takes it to be, as that its floor is
-            level at z = 0; by default what is wrong is logged.
-        max_bad: share of the recording's frames that may be skipped like this; 0 stops at the
-            first.
-        onto: a map to go on with, as `Mapper.onto` does; its occupancy layer goes on, too, and
-            that of the recording is left out.
+        watch: called after each mapped frame.
+        preflight: checks whether the recording meets the assumptions of mapping, such as a level
+            floor at z = 0; by default problems are logged.
+        max_bad: share of the recording's frames that may fail; 0 stops at the first.
+        onto: a map to continue, as by `Mapper.onto`; its occupancy layer is continued, too, and
+            that of the recording ignored.
         embedder: encodes what frames show of objects; None for no embeddings.
-        ahead: looks at the frames of this recording before they are mapped.
+        ahead: perceives the frames of this recording before they are mapped.
 
     Raises:
         HypermapError: If the recording or the source fails too often, no frame is usable, or
-            mapping cannot go on with the map.
+            mapping cannot continue the map.
         ValueError: If both `occupancy` and `onto` are given.
     """
     if onto is not None:
@@ -157,10 +156,10 @@ class _BadFrames:
             )
 
     def finish(self) -> None:
-        """Make sure that something was mapped.
+        """Check that a frame was mapped.
 
         Raises:
-            HypermapError: If nothing was.
+            HypermapError: If none was.
         """
         counts = self._mapper.counts
         if counts.used == counts.repeated == 0:

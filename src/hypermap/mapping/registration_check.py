@@ -1,8 +1,8 @@
 """Whether depth is registered to color: depth edges should be color edges.
 
-Depth jumps at the outlines of objects, and color mostly changes there. Where the two images are
-registered, the jumps lie on edges of color. Where they come from two cameras, they do only after
-they were moved into the color camera: so the images tell how that one is mounted.
+Depth jumps at the outlines of objects, where color mostly changes, too. In registered images, depth
+edges lie on color edges. In images of two cameras they do so only after projection into the color
+camera, so the images reveal how it is mounted.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from hypermap.core.errors import HypermapError
 from hypermap.perception.frame import Camera, RgbdFrame
 
 _COLUMNS = 320  # of the images that are compared, about
-_FRAMES = 8  # are compared
+_FRAMES = 8  # to compare
 _EVERY = 3  # frames
 _JUMP = 1.08  # least ratio of the depths on both sides of an outline
-_ACROSS = 8  # pixels without depth that may lie between them
-_POINTS = 150  # of each frame's outlines in either direction
+_ACROSS = 8  # pixels without depth that may be between them
+_POINTS = 150  # of the outlines of each frame, per direction
 _FEWEST_FRAMES, _FEWEST_POINTS = 4, 600
-_BLUR = 1.2  # pixels by which an outline may be off its edge
-_STRONG = 95.0  # percentile above which edges of color count alike
-_LEAST = 0.05  # how much more edge lies at outlines than elsewhere, of a full one
-_BETTER = 1.3  # as many edges have to be met as with the images as they are
+_BLUR = 1.2  # pixels; tolerance between an outline and its color edge
+_STRONG = 95.0  # percentile at which the strength of color edges is capped
+_LEAST = 0.05  # least excess strength of edges at outlines, as a share of a full edge
+_BETTER = 1.3  # times as many edges must match as in the unchanged images
 _LEAST_SHIFT = 0.006  # of the image's width: 4 pixels of 640
 _SCALES = np.arange(0.80, 1.2401, 0.04)  # of the color camera's focal length over the other's
 _BASELINES = np.arange(-0.08, 0.0801, 0.02)  # meters along x
@@ -37,14 +37,14 @@ _STEPS = {"scale": 0.01, "x": 0.005, "y": 0.005}
 
 @dataclass(frozen=True)
 class ColorCamera:
-    """The pose of the color camera, as color edges suggest.
+    """The pose of the color camera, estimated from color edges.
 
     Attributes:
-        is_other: whether it clearly is not where the depth camera is.
+        is_other: whether the images clearly are not registered.
         scale: its focal length over that of the depth camera.
-        x: the depth camera in it [m], to the right.
-        y: the same downward [m].
-        shift: how far apart the images show the same place: the median, as a share of their width.
+        x: position of the depth camera in it [m], to the right.
+        y: position of the depth camera in it [m], downward.
+        shift: median distance of the same place in both images, as a share of their width.
         camera: the depth camera.
     """
 
@@ -65,13 +65,13 @@ class ColorCamera:
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """Outlines of a frame, in rays and depth, and how strong the edges of its color are.
+    """Outlines of a frame, as rays with depth, and the strength of its color edges.
 
     Attributes:
-        outlines: for each point 0 for an edge to its side or 1 for one above or below it, x and y
-            of its ray at 1 m, and its depth [m], shape (N, 4).
-        edges: across and down, 0 in the mean, float32, shape (2, H, W).
-        K: of these smaller images.
+        outlines: for each point 0 for a vertical edge or 1 for a horizontal one, x and y of its ray
+            at 1 m, and its depth [m], shape (N, 4).
+        edges: strength of vertical and horizontal edges, with mean 0, float32, shape (2, H, W).
+        K: intrinsics of these smaller images, shape (3, 3).
     """
 
     outlines: NDArray[np.float64]
@@ -90,9 +90,9 @@ class RegistrationCheck:
         self._rng = np.random.default_rng(0)
 
     def add(self, frame: RgbdFrame) -> None:
-        """Sample a frame, if it has color and not enough were sampled; that is decoded for it.
+        """Sample a frame with color, which is decoded, until there are enough samples.
 
-        Color that cannot be read is none.
+        A frame whose color cannot be read counts as one without color.
         """
         self._seen += 1
         if len(self._samples) == _FRAMES or (self._seen - 1) % _EVERY:
@@ -111,7 +111,7 @@ class RegistrationCheck:
         self._samples.append(sample)
 
     def color_camera(self) -> ColorCamera | None:
-        """Return where the color camera is; None if too few outlines were seen to tell."""
+        """Return the color camera; None if too few outlines were seen."""
         count = sum(len(sample.outlines) for sample in self._samples)
         if self._camera is None or len(self._samples) < _FEWEST_FRAMES or count < _FEWEST_POINTS:
             return None
@@ -139,7 +139,7 @@ class _Met:
         self._kinds = kinds.astype(int)
 
     def share(self, scale: float, x: float, y: float) -> float:
-        """Return the mean strength of the edges at the outlines, 0 for what is met by chance."""
+        """Return the mean strength of the edges at the outlines; 0 is the expectation by chance."""
         columns, rows = (np.rint(at).astype(int) for at in self._pixels(scale, x, y))
         height, width = self._edges.shape[2:]
         inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
@@ -148,7 +148,7 @@ class _Met:
         return float(np.sum(met) / len(self._of))  # points outside the image match nothing
 
     def climb(self, scale: float, x: float, y: float) -> tuple[float, float, float]:
-        """Return the values near these at which most is met."""
+        """Return the values near these with the highest `share` (hill climbing)."""
         at, best = np.array([scale, x, y]), self.share(scale, x, y)
         for step in (1.0, 1.0, 0.4):
             for k, size in enumerate(_STEPS.values()):
@@ -163,21 +163,21 @@ class _Met:
         return float(at[0]), float(at[1]), float(at[2])
 
     def shift(self, scale: float, x: float, y: float) -> float:
-        """Return by how much the outlines move, the median, as a share of the image's width."""
+        """Return the median displacement of the outlines, as a share of the image's width."""
         moved = np.array(self._pixels(scale, x, y)) - np.array(self._pixels(1.0, 0.0, 0.0))
         return float(np.median(np.hypot(moved[0], moved[1])) / self._edges.shape[3])
 
     def _pixels(
         self, scale: float, x: float, y: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return columns and rows at which a color camera there would see the outlines."""
+        """Return the columns and rows of the outlines in such a color camera, shape (N,) each."""
         (right, down, depth), K = self._rays, self._K
         columns = scale * K[0, 0] * (right + x / depth) + K[0, 2]
         return columns, scale * K[1, 1] * (down + y / depth) + K[1, 2]
 
 
 def _sample(frame: RgbdFrame, color: NDArray[np.uint8], rng: np.random.Generator) -> _Sample | None:
-    """Return the outlines and edges of a frame; None if it has hardly any."""
+    """Return the outlines and edges of a frame; None if it has too few."""
     step = max(1, round(frame.camera.width / _COLUMNS))
     K, z = frame.camera.every(step).K, frame.z[::step, ::step]
     gray = color[::step, ::step].astype(np.float32).sum(axis=2)

@@ -1,4 +1,4 @@
-"""Measured samples move with the frames of their time when poses are corrected."""
+"""Samples of value layers move with the frames of their time when poses are corrected."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _log = logging.getLogger(__name__)
 def with_moved_samples(
     hypermap: Hypermap, motions: FloorMotions, occupancy: OccupancyLayer
 ) -> Hypermap:
-    """Return a map whose value layers are made again where their samples have moved.
+    """Return a map whose value layers are estimated again if their samples have moved.
 
     Args:
         hypermap: the map.
         motions: in its base frame.
-        occupancy: its walls, as they are now.
+        occupancy: its present walls.
     """
     layers: list[Layer] = []
     for layer in hypermap:
@@ -50,7 +50,7 @@ def _moved(
         return layer
     own = replace(moved, points_xy=pose.inverse().apply(moved.points_xy))
     walls = occupancy if layer.frame_id == occupancy.frame_id else None
-    # Only here, as few maps have samples, and the solvers take a third of a second to import.
+    # Imported here, because few maps have samples, and the solvers take a third of a second.
     from hypermap.values.on_map import made_again
 
     try:

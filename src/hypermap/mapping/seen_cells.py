@@ -15,11 +15,12 @@ from hypermap.core.grid import GridGeometry, along
 
 @dataclass(frozen=True, eq=False)
 class SeenCells:
-    """The cells that a frame shows blocked or free.
+    """The cells that a frame shows occupied or free.
 
     Attributes:
-        first: row and column of the lower left cell, counted from the frame's origin, shape (2,).
-        is_hit: whether something blocks the cell, bool, shape (H, W).
+        first: row and column of the lower left cell, counted from the origin of the map frame,
+            int64, shape (2,).
+        is_hit: whether there is an obstacle in the cell, bool, shape (H, W).
         is_free: whether a ray passed low over it, bool, shape (H, W).
     """
 
@@ -30,10 +31,10 @@ class SeenCells:
     def moved(self, motion: Pose2D, resolution: float) -> SeenCells:
         """Return the cells after a motion over the floor.
 
-        Each cell there shows what the cell shows in which its center lay before.
+        Each new cell has the content of the old cell that contained its center (nearest neighbor).
 
         Args:
-            motion: takes points from where they were to where they are.
+            motion: the transform of points from their old to their new places.
             resolution: side of a cell [m].
         """
         grid = cells_from(self.first, self.is_hit.shape, resolution)
@@ -52,8 +53,8 @@ def cells_from(first: NDArray[np.int64], shape: tuple[int, ...], resolution: flo
     """Return the geometry of some cells of the floor.
 
     Args:
-        first: row and column of the lower left one, counted from the frame's origin.
-        shape: rows and columns.
+        first: row and column of the lower left one, counted from the frame's origin, shape (2,).
+        shape: numbers of rows and columns.
         resolution: side of a cell [m].
     """
     return GridGeometry(
@@ -72,13 +73,13 @@ def _move(
     hit_after: BoolArray,
     free_after: BoolArray,
 ) -> None:
-    """Let each cell show what the cell showed in which its center was.
+    """Resample cells by nearest neighbor.
 
     Args:
-        is_hit: of the cells before.
+        is_hit: of the old cells.
         is_free: likewise.
-        before_T_after: takes (col, row, 1) after to that before, where cells extend from their
-            index to the next, shape (3, 3).
+        before_T_after: maps new (col, row, 1) to old ones, where a cell extends from its index to
+            the next, shape (3, 3).
         hit_after: all False; filled.
         free_after: likewise.
     """

@@ -1,7 +1,4 @@
-"""The settings of each stage of mapping, each with its range.
-
-Every value has its default here and nowhere else.
-"""
+"""The settings of each stage of mapping, with their ranges, and all their defaults."""
 
 from __future__ import annotations
 
@@ -12,11 +9,11 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class KeyframeConfig:
-    """When a frame is a keyframe: the camera has moved this far, or turned this much.
+    """When a frame is a keyframe: the camera has moved or rotated enough since the last one.
 
     Attributes:
-        min_distance: meters between two processed camera positions.
-        min_angle_deg: degrees between two processed camera orientations.
+        min_distance: distance between camera positions [m].
+        min_angle_deg: angle between camera orientations [degrees].
     """
 
     min_distance: float = 0.05
@@ -35,11 +32,11 @@ class AlignmentConfig:
         enabled: whether poses are corrected.
         position: standard deviation of the error of a pose in x and in y [m].
         yaw_deg: standard deviation of the error of its heading [degrees].
-        max_distance: points farther than this from a border of the map's free space belong to
-            something that is not in the map [m].
-        min_height: lowest height above the floor of points that are used [m].
-        max_height: highest height of points that are used [m].
-        max_range: greatest depth of points that are used [m].
+        max_distance: points farther than this from a border of the map's free space are not in the
+            map, and ignored [m].
+        min_height: lowest height of used points above the floor [m].
+        max_height: highest height of used points above the floor [m].
+        max_range: greatest depth of used points [m].
     """
 
     enabled: bool = True
@@ -62,8 +59,8 @@ class PictureConfig:
     """Whether pictures of the objects are kept: at most 3 of each, of at most 20 kB.
 
     Attributes:
-        enabled: whether they are.
-        people: of people, too.
+        enabled: whether pictures are kept.
+        people: whether pictures of people are kept, too.
     """
 
     enabled: bool = True
@@ -75,35 +72,36 @@ class EvidenceConfig:
     """How observed shapes become objects; see `EvidenceMap`.
 
     Attributes:
-        class_sizes: "usual" leaves out what is smaller, larger or higher up than its class is;
-            "any" does not.
+        class_sizes: "usual" ignores observed shapes that are smaller, larger or higher up than
+            usual for their class; "any" does not.
         association: how to find the tracks that an observed shape belongs to: "overlap", "jaccard"
             or "radius".
-        min_overlap: shared area over the smaller one's area, for "overlap".
-        slack: tolerance for "overlap": how far the larger of two shapes is widened, at most a
+        min_overlap: least overlap coefficient, for "overlap": shared area over the smaller area.
+        slack: tolerance for "overlap": how far the larger of two shapes is buffered, at most a
             quarter of its size [m].
-        min_jaccard: shared area over the area of both together, for "jaccard".
-        radius: half the side of the box about the observed centroid [m], for "radius".
+        min_jaccard: least Jaccard index, for "jaccard".
+        radius: half the side of the square around the observed centroid, for "radius" [m].
         combine: "matches" merges all tracks that one observed shape matches; "overlapping" adds the
-            evidence to the best match, and merges tracks whose own shapes match.
-        exclusive: whether two observed shapes of a class in one frame are two objects: they never
-            go to one track, and tracks that many frames show together are not merged.
-        fusion: how an object's shape comes from its evidence: "votes", "best_shape" or
+            evidence to the best match, and merges tracks whose fused shapes match.
+        exclusive: whether two observed shapes of a class in one frame are two objects: they are
+            never associated with one track, and tracks that many frames show together are not
+            merged.
+        fusion: how an object's shape is fused from its evidence: "votes", "best_shape" or
             "convex_hull".
-        vote_share: share of the views that must show a cell for it to belong, for "votes".
-        abstain: what a view does not vote on, for "votes": the ground "outside" its visible area,
-            or also what is "hidden" from it behind walls.
+        vote_share: share of the votes that a cell needs to belong to the object, for "votes".
+        abstain: where a view does not vote, for "votes": on the floor "outside" its visible area,
+            or also on what is "hidden" from it behind walls.
         half_weight: distance at which a view's vote has half its weight [m].
         align: footprints are aligned with the others before they vote if they are off by at most
             this [m]; 0 turns it off.
         vote_resolution: side of a voting cell [m]; coarser for objects above 128 cells.
         landmarks: whether, for the published shapes by "votes", each frame's footprints are first
             moved so that frames agree on where the objects are.
-        completion: "class_depth" makes the published shape of what was seen from one side as deep
-            as its class usually is, away from the cameras; "none" does not.
+        completion: "class_depth" extends the published shape of an object seen from one side to the
+            usual depth of its class, away from the cameras; "none" does not.
         renewal: an object's shape is fused again when its evidence has grown by this share; 0 means
             every time. Published shapes are always up to date.
-        max_evidence: the newest observations kept for each object.
+        max_evidence: number of newest observations kept for each object.
         gain: existence gained by an observation.
         gain_by_score: whether the gain is multiplied by the detection's score.
         loss: existence lost by a missed detection.
@@ -113,20 +111,21 @@ class EvidenceConfig:
             the visible area. "rays": objects of which the depth image could see at least half;
             without an image, the area.
         margin: how far inside the visible area an object must be to be missed [m].
-        tolerance: by how much the measured surface of an object may be off, for "rays" [m].
-        gone_loss: existence lost where the rays went through the object's place, for "rays".
-        stale_loss: the same for an object that was not seen for an hour, as since another drive.
+        tolerance: error of the measured surface of an object, for "rays" [m].
+        gone_loss: existence lost by a see-through, for "rays": rays passed through the object's
+            place.
+        stale_loss: the same for an object not seen for an hour, as since another drive.
         stale_miss: existence that such an object loses by a missed detection, if it was seen often.
         moves: whether an object that is gone, while one of its class and shape appears at another
-            place, is the same one, moved.
-        contested: existence lost where a frame shows an object of another class in its place.
-        min_contested: Jaccard index from which on two objects claim the same place.
-        slip: Jaccard index with a confirmed track of another class from which on an observed shape
-            counts as a misclassification and adds nothing; and from which on two published objects
-            of different classes are one, whose class is decided; 1 turns this off.
+            place, is the same object, moved.
+        contested: existence lost by a conflict: a frame shows another class in the object's place.
+        min_contested: Jaccard index from which two objects are in conflict.
+        slip: Jaccard index with a confirmed track of another class from which an observed shape is
+            a misclassification and ignored; and from which two published objects of different
+            classes are one, whose class is decided; 1 turns this off.
         max_range: distance from the camera up to which an object can be missed [m].
         max_existence: existence never grows above this.
-        confidence: of an object: "existence", the probability that it is there, by its existence;
+        confidence: of an object: "existence", the probability that it exists, from its existence;
             "score", the mean score of its detections.
         publish_above: objects with more existence than this are in the map.
         forget_below: tracks with less existence than this are pruned.
@@ -209,19 +208,19 @@ class OccupancyConfig:
     Attributes:
         resolution: side of a cell [m].
         min_height: points above the floor (z = 0 of the map) by less than this are floor [m].
-        max_height: points higher than this do not block [m].
-        free_below: a ray shows those cells free over which it passes lower than this [m].
-        max_range: points farther than this from the camera, over the floor, are not used [m].
+        max_height: points higher than this are no obstacles [m].
+        free_below: a ray frees the cells over which it passes lower than this [m].
+        max_range: points farther than this from the camera, over the floor, are ignored [m].
         pixel_step: every n-th row and column of the depth image is used.
-        min_points: points that a cell needs in one frame to count as hit.
-        hit: log-odds that a hit adds.
-        miss: log-odds that a ray through the cell takes away.
+        min_points: points in a cell in one frame that make it a hit.
+        hit: log-odds added by a hit.
+        miss: log-odds subtracted by a ray through the cell.
         min_log_odds: the lower clamp.
         max_log_odds: the upper clamp.
         free_thresh: cells less likely occupied than this are published as free, 0.
         occupied_thresh: cells at least this likely occupied are published as occupied, 100;
-            between the two thresholds the likelihood itself is published, in percent.
-        max_cells: a map that would need more cells than this is refused.
+            between the thresholds the probability is published, in percent.
+        max_cells: a map that would need more cells is refused.
 
     Source of the log-odds: Hornung et al., OctoMap, Autonomous Robots 2013, section 5.
     """
@@ -262,7 +261,7 @@ class OccupancyConfig:
 
 
 def _check(config: object, name: str, low: float | None = None, high: float | None = None) -> None:
-    """Raise ValueError if a setting is not a number within its limits, which belong to them."""
+    """Raise a ValueError if a setting is not a finite number within its limits, inclusive."""
     value = getattr(config, name)
     if math.isinf(value) and value not in (low, high):
         raise ValueError(f"{name} must be finite, got {value:g}")

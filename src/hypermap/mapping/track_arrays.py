@@ -1,7 +1,7 @@
-"""Tables of tracks as arrays: the one as it is, and earlier ones, which share evidence with it.
+"""Tables of tracks as arrays: the present one, and earlier ones, which share evidence with it.
 
-What several tables have is one object in memory, and is kept once. Who knows nothing of earlier
-tables can read the first one: what only they have is in arrays of its own (`more.*`).
+Evidence in several tables is one object in memory, and is saved once. A reader that ignores earlier
+tables can read the present one: what only they have is in separate arrays (`more.*`).
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class PackedTables:
     """Tables of tracks in the form of a file.
 
     Attributes:
-        facts: of each table, for JSON; the table as it is comes first.
-        arrays: of all of them.
+        facts: values of each table for JSON; the present one comes first.
+        arrays: of all tables.
     """
 
     facts: Sequence[Mapping[str, Any]]
@@ -47,8 +47,8 @@ def packed_tables(now: TrackTable, earlier: Sequence[TrackTable] = ()) -> Packed
     """Return all columns of tables of tracks, of their evidence and of its views.
 
     Args:
-        now: the table as it is.
-        earlier: others that share evidence and shapes with it, each as the same object.
+        now: the present table.
+        earlier: other tables, which share `Evidence` and shape objects with it.
     """
     tables = [now, *earlier]
     shapes, shape_rows = _together([table.shapes.polygons for table in tables])
@@ -67,10 +67,10 @@ def packed_tables(now: TrackTable, earlier: Sequence[TrackTable] = ()) -> Packed
 
 
 def unpacked_tables(packed: PackedTables, config: EvidenceConfig) -> list[TrackTable]:
-    """Return the tables of `packed_tables`.
+    """Return the tables that `packed_tables` has packed.
 
     Raises:
-        KeyError, ValueError, IndexError, GEOSException: If the arrays hold none.
+        KeyError, ValueError, IndexError, GEOSException: If the arrays are damaged.
     """
     arrays = packed.arrays
     shapes = PreparedPolygon.all_of(_unpacked_both("track.shape", arrays))
@@ -90,14 +90,14 @@ def unpacked_tables(packed: PackedTables, config: EvidenceConfig) -> list[TrackT
 
 
 def table_prefix(number: int) -> str:
-    """Return how the names of a table's arrays begin; table 0 is the one as it is."""
+    """Return the prefix of the names of a table's arrays; table 0 is the present one."""
     return "" if number == 0 else f"before.{number - 1}."
 
 
 def _together(lists: Sequence[Sequence[T]]) -> tuple[list[T], list[list[int]]]:
-    """Return all objects of some lists, all of the first one first, and their rows.
+    """Return the distinct objects of some lists, and the rows of each list among them.
 
-    Of the other lists, objects that are there already are not added again.
+    All objects of the first list come first.
     """
     things = list(lists[0])
     rows = {id(thing): row for row, thing in enumerate(things)}
@@ -155,8 +155,8 @@ def _packed_polygons(name: str, polygons: Sequence[PreparedPolygon]) -> dict[str
 
 
 def _packed_evidence(items: Sequence[Evidence], own: int) -> dict[str, NDArray[Any]]:
-    """Return evidence and its views as arrays; what is behind the first `own` pieces, as more."""
-    rows: dict[tuple[int, int], int] = {}  # observations of one frame share its pose and its area
+    """Return evidence and its views as arrays; those after the first `own` pieces as `more`."""
+    rows: dict[tuple[int, int], int] = {}  # observations of one frame share its pose and area
     views: list[Evidence] = []
     view_of = []
     for item in items:
@@ -195,13 +195,13 @@ def _packed_views(prefix: str, views: Sequence[Evidence]) -> dict[str, NDArray[A
 
 
 def _both(name: str, arrays: _Arrays) -> NDArray[Any]:
-    """Return an array of the table as it is, and behind it that of more."""
+    """Return an array of the present table, followed by that of `more`."""
     more = arrays.get(f"{_MORE}{name}")
     return arrays[name] if more is None else np.concatenate([arrays[name], more])
 
 
 def _unpacked_both(name: str, arrays: _Arrays) -> list[Any]:
-    """Return the geometries of the table as it is, and behind them those of more."""
+    """Return the geometries of the present table, followed by those of `more`."""
     found = list(unpacked_shapes(name, arrays))
     if f"{_MORE}{name}.points" in arrays:
         found.extend(unpacked_shapes(f"{_MORE}{name}", arrays))
@@ -209,7 +209,7 @@ def _unpacked_both(name: str, arrays: _Arrays) -> list[Any]:
 
 
 def _unpacked_evidence(arrays: _Arrays) -> list[Evidence]:
-    """Return all evidence; what one frame has shown shares its pose and its area."""
+    """Return all evidence; pieces of one frame share its pose and area."""
     footprints = as_objects(_unpacked_both("observation.footprint", arrays))
     areas = _unpacked_both("view.area", arrays)
     centroids = shapely.get_coordinates(shapely.centroid(footprints))
@@ -247,7 +247,7 @@ def _table(
     items: list[Evidence],
     config: EvidenceConfig,
 ) -> TrackTable:
-    """Return a table from its columns, its tracks' shapes and all their evidence."""
+    """Return a table from its columns, the shapes of its tracks and all evidence."""
     tracks = TrackTable(config.max_existence)
     ids = arrays["id"].tolist()
     if any(one >= next_one for one, next_one in pairwise(ids)):

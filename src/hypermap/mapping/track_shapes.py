@@ -17,12 +17,12 @@ Rows: TypeAlias = list[int]
 
 
 class TrackShapes:
-    """The shapes of all tracks as columns, so that most are ruled out by their bounding boxes.
+    """The shapes of all tracks as columns, for fast rejection by bounding boxes.
 
-    Rows are in the order in which tracks were added; removing one moves the rows after it up.
+    Rows are in the order in which tracks were added; removing one moves later rows up.
 
     Attributes:
-        polygons: the shape of each track, in the map frame.
+        polygons: the shape of each track in the map frame [m].
     """
 
     def __init__(self) -> None:
@@ -55,11 +55,11 @@ class TrackShapes:
 
     @property
     def heights(self) -> NDArray[np.float64]:
-        """Lowest and highest point of each track [m], shape (N, 2); may be written to."""
+        """Lowest and highest point of each track [m], float64, shape (N, 2); writable."""
         return self._heights.values
 
     def geometries(self, rows: Sequence[int]) -> ObjectArray:
-        """Return the shapely geometries of rows."""
+        """Return the shapely geometries of some rows, shape (R,)."""
         return as_objects([self.polygons[row].geometry for row in rows])
 
     def append(
@@ -84,7 +84,7 @@ class TrackShapes:
         self.polygons = list(compress(self.polygons, wanted))
 
     def near(self, class_: int | None, box: Box) -> Rows:
-        """Return the rows of a class, or of all classes, whose boxes meet a box."""
+        """Return the rows whose boxes intersect a box; of one class, or of all with None."""
         xmin, ymin, xmax, ymax = box
         left, bottom, right, top = self.boxes.T
         meets = (left <= xmax) & (bottom <= ymax) & (right >= xmin) & (top >= ymin)
@@ -94,12 +94,12 @@ class TrackShapes:
         return rows
 
     def within(self, limits: Box, position: NDArray[np.float64], max_range: float) -> Rows:
-        """Return the rows whose boxes lie within limits and are centered near a place.
+        """Return the rows whose boxes are within limits, with centers near a place.
 
         Args:
             limits: xmin, ymin, xmax, ymax [m].
             position: x and y of the place [m], shape (2,).
-            max_range: distance from there [m].
+            max_range: largest distance from the place [m].
         """
         xmin, ymin, xmax, ymax = limits
         left, bottom, right, top = self.boxes.T

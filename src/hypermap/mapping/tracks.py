@@ -1,4 +1,4 @@
-"""The tracks of an evidence map: one row each, in the order of their ids."""
+"""The table of tracks of an evidence map: a row for each, in the order of their ids."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ from hypermap.mapping.track_shapes import Rows, TrackShapes
 
 @dataclasses.dataclass(eq=False)
 class Track:
-    """What belongs to one track, apart from the columns of the table.
+    """The state of one track, apart from the columns of the table.
 
     Attributes:
         id: unique among all tracks that were ever in the table.
         name: its class.
         buffer: the evidence for it.
-        co_occurrences: how many frames also showed another track of its class, by that track's id.
-        pending: pieces of evidence that are not in its shape yet.
+        co_occurrences: numbers of frames that showed both it and another track of its class, by the
+            id of the other.
+        pending: pieces of evidence since its shape was last fused.
         by_hand: edits made by hand; None for none.
-        moved: how likely it is the object that was at another place before, 0..1; None if it was
-            not moved.
-        gone_since: stamp of the frame since which it is surely gone [s]; None while it is not.
+        moved: confidence that its object was at another place before, 0..1; None if it was not
+            moved.
+        gone_since: stamp of the frame since which it is surely gone [s]; None if it is not.
     """
 
     id: int
@@ -59,7 +60,7 @@ class Track:
 
     @property
     def is_deleted(self) -> bool:
-        """Whether it was deleted by hand, so that it must not come back."""
+        """Whether it was deleted by hand, so it must not come back."""
         return self.by_hand is not None and self.by_hand.is_deleted
 
     def become(self, other: Track) -> None:
@@ -68,12 +69,12 @@ class Track:
 
 
 class TrackTable:
-    """A table of tracks: a list of objects, and columns for the numbers that are computed with.
+    """A table of tracks: a list of objects, and columns for numbers.
 
     Attributes:
         objects: one track per row.
         shapes: the shapes, classes and heights of the tracks.
-        next_id: of the next new track.
+        next_id: id of the next new track.
     """
 
     def __init__(self, max_existence: float) -> None:
@@ -85,7 +86,7 @@ class TrackTable:
         self.next_id = 0
 
     def copy(self) -> TrackTable:
-        """Return another table of the same track objects; the columns are copied."""
+        """Return a table of the same `Track` objects; the columns are copied."""
         other = TrackTable(self._max_existence)
         other.objects = list(self.objects)
         other.shapes = self.shapes.copy()
@@ -105,7 +106,7 @@ class TrackTable:
         return self._existence.values
 
     def append(self, name: str, class_: int, evidence: Evidence, max_evidence: int) -> int:
-        """Add a track at the place of some evidence, but without evidence; return its row."""
+        """Add a track with the shape of some evidence, but without evidence; return its row."""
         track = Track(self.next_id, name, EvidenceBuffer(max_evidence))
         return self.add(track, class_, evidence.prepared, (evidence.z_min, evidence.z_max), 0.0)
 
@@ -124,7 +125,7 @@ class TrackTable:
         return self.shapes.append(class_, shape, heights)
 
     def remove(self, rows: Sequence[int]) -> None:
-        """Remove tracks; the rows after them move up."""
+        """Remove tracks; later rows move up."""
         wanted: BoolArray = np.ones(len(self.objects), dtype=bool)
         wanted[np.asarray(rows)] = False
         for row in sorted(rows, reverse=True):
@@ -133,12 +134,12 @@ class TrackTable:
         self._existence.keep(wanted)
 
     def change_existence(self, row: int, by: float) -> None:
-        """Change a track's existence, capped; rounded, so that five times 0.2 is 1 exactly."""
+        """Change a track's existence, capped; rounded so that five times 0.2 is exactly 1."""
         column = self._existence.values
         column[row] = round(min(column.item(row) + by, self._max_existence) * 1e9) / 1e9
 
     def rows_of(self, ids: Collection[int]) -> Rows:
-        """Return the rows of the tracks with these ids, in rising order."""
+        """Return the rows of the tracks with these ids, in ascending order."""
         rows = []
         for number in sorted(ids):
             row = bisect_left(self.objects, number, key=attrgetter("id"))

@@ -9,7 +9,7 @@ from hypermap.mapping.depth_check import why_implausible
 from hypermap.perception.frame import RgbdFrame
 
 FARTHEST_POSE = 0.9 * MAX_PLACE
-"""Meters from the origin, from where what a camera sees still lies within what a map can hold."""
+"""Meters from the origin; farther away, a camera could see places that no map can contain."""
 
 
 def why_unusable(frame: RgbdFrame) -> str | None:

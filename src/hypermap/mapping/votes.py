@@ -1,4 +1,4 @@
-"""Fusion on a voting grid: the views of an object vote on its shape, cell by cell."""
+"""Fusion on a voting grid: views of an object vote on its shape, cell by cell."""
 
 from __future__ import annotations
 
@@ -16,28 +16,29 @@ from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 
 _MAX_CELLS_PER_SIDE = 128
-_WHOLE = 0.6  # of the upper quartile of the areas: a footprint of this size shows the whole object
+_WHOLE = 0.6  # of the upper quartile of the areas; larger footprints show the whole object
 
 
 def agreed_points(
     buffer: EvidenceBuffer, config: EvidenceConfig, shifts: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Return the corners of the cells that enough views agree on; their hull is the shape.
+    """Return the corners of the cells on which enough views agree; their convex hull is the shape.
 
-    The ground under the footprints is divided into cells. Each view votes, with its detection's
-    score, for the cells of its footprint, and abstains on cells outside its observed area: the
-    half of a table that one frame shows does not vote against the other half. A cell belongs to
-    the object if it gets `vote_share` of the votes cast on it.
+    The floor below the footprints is divided into cells. Each view votes, weighted by its
+    detection's score, for the cells of its footprint, and abstains on cells outside its visible
+    area: a frame that shows one half of a table does not vote against the other half. A cell
+    belongs to the object if it gets `vote_share` of the votes cast on it.
 
-    Near views weigh more (`half_weight`). Footprints are first aligned with each other (`align`).
+    Near views have more weight (`half_weight`). Footprints are first aligned with each other
+    (`align`).
 
     Args:
         buffer: the evidence.
         config: the settings.
-        shifts: by how much the footprints are moved before that [m], shape (N, 2); None for not.
+        shifts: translations applied to the footprints first [m], shape (N, 2); None for none.
 
     Returns:
-        Points in the map frame [m], shape (N, 2); none if no cell belongs to the object.
+        Points in the map frame [m], shape (M, 2); M is 0 if no cell belongs to the object.
     """
     scores = np.array([evidence.score for evidence in buffer.items], dtype=np.float64)
     if not scores.any():
@@ -76,19 +77,19 @@ def aligning_moves(
     weights: NDArray[np.float64],
     limit: float,
 ) -> NDArray[np.float64]:
-    """Return how far to move footprints onto each other, as pose drift would blur the shape.
+    """Return translations that align footprints, because pose drift would blur the shape.
 
-    Footprints that show about the whole object are moved so that their centroids meet at the
-    weighted median. Partial views stay where they are, as their centroids may well differ.
+    Footprints of about the whole object are moved so that their centroids meet at the weighted
+    median. Partial views stay, because their centroids may differ.
 
     Args:
         areas: of the footprints [m²], shape (N,).
         centroids: of the footprints [m], shape (N, 2).
         weights: positive, shape (N,).
-        limit: footprints farther than this from the median stay where they are [m].
+        limit: footprints farther than this from the median stay [m].
 
     Returns:
-        Moves [m], shape (N, 2).
+        Translations [m], shape (N, 2).
     """
     is_part = ~shows_whole(areas)
     moves = np.empty(centroids.shape)
@@ -111,7 +112,7 @@ def shows_whole(areas: NDArray[np.float64]) -> BoolArray:
 
 
 def _joined(polygons: Sequence[PreparedPolygon]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the edges of all polygons, and where each polygon's edges begin and the last end."""
+    """Return the edges of all N polygons, shape (E, 5), and the offsets of each, (N + 1,)."""
     first = np.zeros(len(polygons) + 1, dtype=np.int64)
     np.cumsum([len(polygon.edges) for polygon in polygons], out=first[1:])
     return np.concatenate([polygon.edges for polygon in polygons]), first
@@ -139,18 +140,18 @@ def _add_steps(
     to_cells: NDArray[np.float64],
     steps: NDArray[np.float64],
 ) -> None:
-    """Rasterize weighted polygons: add how the votes change from each cell to the next.
+    """Rasterize weighted polygons: add the change of the votes from each cell to the next.
 
-    A cell's votes are the weights of the polygons that cover its center, which is the sum of the
-    steps in its row up to the cell.
+    A cell's votes are the sum of the weights of the polygons that cover its center, which is the
+    cumulative sum of the steps in its row.
 
     Args:
         edges: of all polygons, as `PreparedPolygon.edges`.
-        first: where the edges of each of N polygons begin and the last ones end, shape (N + 1,).
+        first: offsets of the edges of each of N polygons, shape (N + 1,).
         weights: of the polygons, shape (N,).
-        moves: by how much the polygons are moved first [m], shape (N, 2).
-        to_cells: `GridGeometry.to_cells_matrix` of a grid that is not turned.
-        steps: zeros, shape (height, width + 1).
+        moves: translations applied to the polygons first [m], shape (N, 2).
+        to_cells: `GridGeometry.to_cells_matrix` of a grid that is not rotated.
+        steps: zeros, shape (height, width + 1); filled in.
     """
     height, width = steps.shape[0], steps.shape[1] - 1
     x_scale, y_scale = to_cells[0, 0], to_cells[1, 1]
@@ -158,13 +159,13 @@ def _add_steps(
     for polygon in range(len(weights)):
         x_move, y_move = moves[polygon, 0], moves[polygon, 1]
         for e in range(first[polygon], first[polygon + 1]):
-            # In cells, whose centers are at whole numbers.
+            # In cells, whose centers are at integers.
             x0 = (edges[e, 0] + x_move) * x_scale + x_begin - 0.5
             y0 = (edges[e, 1] + y_move) * y_scale + y_begin - 0.5
             x1 = (edges[e, 2] + x_move) * x_scale + x_begin - 0.5
             y1 = (edges[e, 3] + y_move) * y_scale + y_begin - 0.5
             weight = weights[polygon] * edges[e, 4]
-            begins = y1 < y0  # going down, the inside lies to the right
+            begins = y1 < y0  # going down, the inside is to the right
             first_row = max(int(np.ceil(min(y0, y1))), 0)
             last_row = min(int(np.ceil(max(y0, y1))), height)
             for row in range(first_row, last_row):
@@ -188,11 +189,11 @@ def _choose(
     Args:
         in_favor: steps of the votes for each cell, shape (height, width + 1).
         cast: steps of all votes on each cell, for and against, of the same shape.
-        unbounded_votes: votes that are cast on all cells.
-        share: of the votes cast, that a cell needs.
-        rows: to become those rows, shape (height,).
-        left: to become the first chosen cell of each, shape (height,).
-        right: to become the last chosen cell of each, shape (height,).
+        unbounded_votes: votes cast on all cells.
+        share: share of the votes cast that a cell needs.
+        rows: filled with those rows, shape (height,).
+        left: filled with the first accepted cell of each, shape (height,).
+        right: filled with the last accepted cell of each, shape (height,).
     """
     height, width = in_favor.shape[0], in_favor.shape[1] - 1
     count = 0
@@ -202,7 +203,7 @@ def _choose(
         for col in range(width):
             votes_for += in_favor[row, col]
             votes_cast += cast[row, col]
-            # A view has seen its own footprint, even where its observed area is a little smaller.
+            # A view has seen its own footprint, even if its visible area is a little smaller.
             needed = share * max(votes_cast + unbounded_votes, votes_for)
             if votes_for > 1e-9 and votes_for >= needed - 1e-9:
                 if is_first:

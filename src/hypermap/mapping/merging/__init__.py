@@ -1,4 +1,4 @@
-"""Two maps of one place, made into one by the evidence in both."""
+"""Merges two maps of one place by the evidence in both."""
 
 from typing import TYPE_CHECKING, Any
 

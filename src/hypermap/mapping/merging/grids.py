@@ -12,11 +12,11 @@ from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.mapping.stages import OccupancyConfig
 
 _CERTAIN = 0.97, 0.12
-"""Likelihoods of a cell that a map calls occupied and free, whose log-odds are not known.
+"""Probabilities of an occupied and a free cell in a map without log-odds.
 
 They are the clamps of OctoMap (Hornung et al., Autonomous Robots 2013)."""
 
-_EDGE = 1e-6  # of a cell, by which rounding may put an edge beyond a cell's border
+_EDGE = 1e-6  # of a cell; tolerance for edges on a cell's border
 
 
 def added_log_odds(
@@ -26,17 +26,17 @@ def added_log_odds(
     a_T_b: Pose2D,
     config: OccupancyConfig,
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Return the evidence of an occupancy mapper with that of another grid added.
+    """Return the log-odds of an occupancy mapper plus those of another grid.
 
     Args:
-        first_cell: row and column of the first cell of `log_odds`, from the frame's origin.
-        log_odds: NaN for never seen, shape (H, W).
+        first_cell: row and column of the first cell of `log_odds`, from the frame's origin, (2,).
+        log_odds: NaN if never seen, float32, shape (H, W).
         other: another grid in frame b, and its log-odds.
-        a_T_b: takes points in b to the frame of the mapper.
+        a_T_b: transforms points in b to the frame of the mapper.
         config: of the mapper.
 
     Returns:
-        As `OccupancyMapper.log_odds` does.
+        First cell and log-odds, as `OccupancyMapper.log_odds` returns them.
 
     Raises:
         HypermapError: If the grid would have more cells than `max_cells`.
@@ -54,7 +54,7 @@ def added_log_odds(
 
 
 def added_layers(first: OccupancyLayer, second: OccupancyLayer, a_T_b: Pose2D) -> OccupancyLayer:
-    """Return a layer with the cells of two; it has the first one's name, frame and resolution.
+    """Return the sum of two layers, with the name, frame and resolution of the first.
 
     Raises:
         HypermapError: If the grid would have too many cells.
@@ -75,7 +75,7 @@ def added_layers(first: OccupancyLayer, second: OccupancyLayer, a_T_b: Pose2D) -
 
 
 def log_odds_of(layer: OccupancyLayer) -> NDArray[np.float32]:
-    """Return the log-odds that the values of a layer stand for, NaN for unknown, shape (H, W)."""
+    """Return the log-odds for the values of a layer, NaN if unknown, float32, shape (H, W)."""
     if layer.cells is None:
         return np.empty((0, 0), np.float32)
     cells = layer.cells.astype(np.float32)
@@ -91,7 +91,7 @@ def _added(
     a_T_b: Pose2D,
     max_cells: int,
 ) -> tuple[GridGeometry, NDArray[np.float32]]:
-    """Return a grid that covers both, with cells that continue those of the first one."""
+    """Return a grid that covers both, aligned to the first one, and its log-odds."""
     other_grid, other_log_odds = other
     corners = grid.positions_at(a_T_b.apply(other_grid.corners()))
     low = np.minimum(np.floor(corners.min(axis=0) + _EDGE), 0).astype(np.int64)
@@ -109,7 +109,7 @@ def _added(
     values[row : row + grid.height, col : col + grid.width] = log_odds
     b_T_a = a_T_b.inverse()
     cols = np.arange(width)
-    for row in range(height):  # one at a time, as the coordinates of all cells are much memory
+    for row in range(height):  # one at a time, because the coordinates of all cells take memory
         cells = other_grid.cells_at(b_T_a.apply(whole.centers(np.full(width, row), cols)))
         is_on = other_grid.contains(*cells.T)
         found = np.full(width, np.nan, np.float32)

@@ -1,4 +1,4 @@
-"""Merges two maps that mapping has made, so that mapping can go on with the result."""
+"""Merges two maps made by mapping, so that mapping can continue the result."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ from hypermap.mapping.merging.moving import moved_tracks
 from hypermap.mapping.merging.tracks import IsFree, Joined, join_tracks
 from hypermap.mapping.tracks import TrackTable
 
-_FREE = 0.9  # share of a place that must be free for nothing to stand there
-_SAME_FRAMES = 0.01  # share of a map's frames; by chance alone, fewer have the same key
+_FREE = 0.9  # share of an area that must be free for it to contain no object
+_SAME_FRAMES = 0.01  # share of a map's frames; fewer have the same key by chance
 
 
 class CannotMerge(HypermapError):
@@ -55,12 +55,12 @@ class Merged:
 
     Attributes:
         hypermap: the map, in the base frame of the first.
-        both: how many of its objects both maps had.
-        first: how many only the first one had.
-        second: how many only the second one had.
-        gone: how many objects of the two are not in it, as later views did not show them.
-        conflicts: ids of objects that people have edited in both; the first map's edits stay.
-        renamed: other layers of the second map whose names were in use, by their names there.
+        both: number of its objects that were in both maps.
+        first: number of objects only in the first map.
+        second: number of objects only in the second map.
+        gone: number of objects that are not in the result, because later views did not show them.
+        conflicts: ids of objects edited by hand in both maps; the first map's edits are kept.
+        renamed: new names of layers of the second map whose names were in use, by their old names.
     """
 
     hypermap: Hypermap
@@ -75,19 +75,19 @@ class Merged:
 def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     """Return two maps of one place as one map, from the evidence in both.
 
-    Objects that both maps have become one, with the id of the first. What only one map has stays,
-    and loses existence by later views of the other that should have shown it. The log-odds of the
-    occupancy grids are added. All other layers of both maps are kept, in frames of their own.
+    Objects in both maps become one, with the id of the first. Objects in only one map lose
+    existence by later views of the other that should have shown them. The log-odds of the occupancy
+    grids are added. All other layers of both maps are kept, in frames of their own.
 
     Args:
         first: a map made by mapping; its id, frame and metadata become those of the result.
         second: a map made by mapping with the same configuration.
-        a_T_b: takes points in the base frame of the second map to that of the first.
+        a_T_b: transforms points from the base frame of the second map to that of the first.
 
     Raises:
-        CannotGoOn: If a map was not made by mapping, or the state of the mapper is not in it.
+        CannotGoOn: If a map was not made by mapping, or lacks the mapper state.
         CannotMerge: If the configurations differ, or both contain the same frames.
-        FrameError: If the frames of the two cannot be in one tree.
+        FrameError: If the frames of both maps cannot be joined in one tree.
     """
     config, theirs = config_to_go_on_with(first), config_to_go_on_with(second)
     alignment = replace(theirs.alignment, enabled=config.alignment.enabled)
@@ -168,7 +168,7 @@ def _grid_of(hypermap: Hypermap) -> OccupancyLayer:
 
 
 def _tracks(hypermap: Hypermap, state: MapperState, config: MappingConfig) -> TrackTable:
-    """Return the tracks of a map, with what people have done to its objects."""
+    """Return the tracks of a map, with the edits made by hand."""
     evidence = EvidenceMap(config.evidence)
     evidence.go_on_with(state.tracks, edits_of(hypermap, state))
     return evidence.tracks()
@@ -184,7 +184,7 @@ def _is_free(grid: OccupancyLayer, grid_T_a: Pose2D) -> IsFree:
 def _occupancy(
     state: MapperState, grids: tuple[OccupancyLayer, OccupancyLayer], a_T_b: Pose2D
 ) -> OccupancyLayer:
-    """Return the occupancy layer; one that is made from depth follows from the log-odds."""
+    """Return the merged occupancy layer; from log-odds if it was made from depth."""
     if state.log_odds is not None:
         return grids[0]
     return added_layers(*grids, a_T_b)
@@ -204,7 +204,7 @@ def _log_odds_of(
 
 
 def _layers_of(first: Hypermap, occupancy: OccupancyLayer, second: Hypermap) -> list[Layer]:
-    """Return the first map's layers, with the occupancy layer, and an empty one for objects."""
+    """Return the first map's layers, with the given occupancy layer and an empty semantic one."""
     layers: list[Layer] = []
     for layer in first:
         if isinstance(layer, SemanticLayer) and layer.name == SEMANTIC:
@@ -220,7 +220,7 @@ def _layers_of(first: Hypermap, occupancy: OccupancyLayer, second: Hypermap) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Others:
-    """Layers of the second map that are kept as they are, and the frames of both maps."""
+    """Layers of the second map that are kept unchanged, and the frames of both maps."""
 
     layers: list[Layer]
     frames: FrameTree

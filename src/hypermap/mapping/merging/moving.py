@@ -1,4 +1,4 @@
-"""Moves tracks, with all of their evidence, to another frame."""
+"""Transforms tracks, with all of their evidence, to another frame."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from hypermap.mapping.tracks import Track, TrackTable
 
 
 def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> TrackTable:
-    """Return the tracks of frame b in frame a; their ids stay.
+    """Return tracks in frame b transformed to frame a; their ids stay.
 
     Args:
-        tracks: as they are in b.
-        a_T_b: takes points in b to points in a.
-        config: the one of the tracks.
+        tracks: in frame b.
+        a_T_b: transforms points from b to a.
+        config: of the tracks.
     """
     items = _moved_evidence([i for track in tracks.objects for i in track.buffer.items], a_T_b)
     shapes = PreparedPolygon.all_of(
@@ -56,7 +56,7 @@ def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> T
 
 
 def _moved_evidence(items: Sequence[Evidence], a_T_b: Pose2D) -> list[Evidence]:
-    """Return evidence in another frame; what shares a pose and an area keeps sharing them."""
+    """Return evidence in another frame; pieces of one view keep sharing its pose and area."""
     matrix = np.eye(4)
     matrix[np.ix_([0, 1, 3], [0, 1, 3])] = a_T_b.matrix()
     footprints = a_T_b.apply_geometries(as_objects(item.footprint for item in items))
@@ -94,7 +94,7 @@ def _moved_edit(edit: HandEdit, a_T_b: Pose2D) -> HandEdit:
 
 
 def renumbered(track: Track, number: int) -> Track:
-    """Return a track with another id; what was drawn by hand gets the same one."""
+    """Return a track with another id, and so its object if it was drawn by hand."""
     edit = track.by_hand
     if edit is not None and edit.drawn is not None:
         edit = dataclasses.replace(edit, drawn=dataclasses.replace(edit.drawn, id=number))

@@ -1,7 +1,7 @@
 """Joins the tracks of two maps of one place: those of one object become one.
 
-Tracks of two maps are associated as observations are with tracks, one to one. Where only one map
-has a track, each later view of the other map that should have shown it counts as a miss.
+Tracks of two maps are associated one to one, as observations are with tracks. If only one map has a
+track, each later view of the other map that should have shown it is a missed detection.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _VISIBLE, _WHOLE = 0.5, 1 - 1e-6
 """Share of an object that a later view must cover to have missed it: on free floor, elsewhere."""
 
 IsFree = Callable[[BaseGeometry], bool]
-"""Whether the newer drives know an area of the floor to be free."""
+"""Returns whether a map knows an area of the floor to be free."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,11 +36,10 @@ class Joined:
     """The tracks of two maps as one table.
 
     Attributes:
-        tracks: those of the first map, whose ids stay, then those that only the second one has.
-        ids: the id in `tracks` of each track of the second map, by its id there.
-        pairs: the ids of the tracks that both maps have.
-        conflicts: the ids of those that people have edited in both maps; the first map's edits
-            stay.
+        tracks: those of the first map, whose ids stay, then those only in the second one.
+        ids: the new ids of the second map's tracks, by their old ids.
+        pairs: the ids of the tracks in both maps.
+        conflicts: the ids of those edited by hand in both maps; the first map's edits are kept.
     """
 
     tracks: TrackTable
@@ -58,10 +57,10 @@ def join_tracks(
     """Return the tracks of two maps in one table.
 
     Args:
-        first: tracks of a map; they stay as they are.
+        first: tracks of a map; not changed.
         second: those of another map, in the same frame.
-        config: the one of both maps.
-        is_free: what each map's occupancy grid knows to be free floor.
+        config: of both maps.
+        is_free: for each map, whether its occupancy grid knows an area to be free.
     """
     tracks, second = first.snapshot(), second.snapshot()
     _use_same_classes(tracks, second)
@@ -99,9 +98,9 @@ def _use_same_classes(*tables: TrackTable) -> None:
 
 
 def _partners(first: TrackTable, second: TrackTable, config: EvidenceConfig) -> dict[int, int]:
-    """Return the row in the first table of each track that both have, by its id in the second.
+    """Return the rows in the first table of tracks in both, by their ids in the second.
 
-    The tracks with the most evidence choose first.
+    Tracks with the most evidence are matched first.
     """
     associate = ASSOCIATIONS[config.association]
     partners: dict[int, int] = {}
@@ -145,7 +144,7 @@ def _merge_pairs(
 def _until(
     first: TrackTable, second: TrackTable, partners: dict[int, int]
 ) -> tuple[list[float], list[float]]:
-    """Return for each track of both tables when the other map has seen it first; or infinity."""
+    """Return the stamp at which the other map first saw each track [s]; infinite if never."""
     until = [math.inf] * len(first.objects), [math.inf] * len(second.objects)
     for other, row in partners.items():
         (other_row,) = second.rows_of([other])
@@ -170,16 +169,15 @@ def _count_misses(
 ) -> None:
     """Lower the existence of tracks by views of another map that should have shown them.
 
-    The views are those of the kept evidence: frames that showed nothing are not among them. So an
-    object in whose place the later map knows the floor to be free is not published any more,
-    however few views there are.
+    The views are those of the kept evidence, which lacks frames that showed nothing. So an object
+    is no longer published if the later map knows its place to be free, however few views there are.
 
     Args:
         tracks: of one map; changed.
-        until: when the other map has seen each track first; infinite if never.
+        until: stamp at which the other map first saw each track [s]; infinite if never.
         views: of the other map, oldest first.
-        is_free: what the other map knows to be free floor.
-        config: what a miss costs.
+        is_free: whether the other map knows an area to be free.
+        config: the costs of misses.
     """
     if not views:
         return
@@ -207,7 +205,7 @@ def _count_misses(
 def _add_co_occurrences(
     tracks: TrackTable, second: TrackTable, ids: dict[int, int], pairs: frozenset[int]
 ) -> None:
-    """Add how often the second map has seen two of its tracks together."""
+    """Add the co-occurrences of tracks of the second map."""
     for theirs in second.objects:
         (row,) = tracks.rows_of([ids[theirs.id]])
         track = tracks.objects[row]

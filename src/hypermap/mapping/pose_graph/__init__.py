@@ -1,8 +1,8 @@
-"""Corrects poses without a map: frames are matched to each other, and loops are closed.
+"""Corrects poses without a map: matches frames to each other, and closes loops.
 
-Start at `correction`: it collects a `View` of each keyframe, what its depth image shows of upright
-surfaces; `Building` matches them (`matching`), those that were taken one after the other and those
-of places to which the camera came back, and keeps the relative poses in a `PoseGraph`.
+Start at `correction`: it collects a `View` of each keyframe, the upright surfaces in its depth
+image. `Building` matches views (`matching`), consecutive ones and those of places to which the
+camera came back, and keeps the relative poses in a `PoseGraph`.
 """
 
 from hypermap.mapping.pose_graph.correction import (

@@ -1,4 +1,4 @@
-"""Builds a pose graph from the views of a drive, in the order in which they were seen."""
+"""Builds a pose graph from the views of a drive, in order of time."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from hypermap.mapping.pose_graph.odometry import information_of
 from hypermap.mapping.pose_graph.planar import Array, between, compose, wrapped
 from hypermap.mapping.pose_graph.view import View
 
-_RECENT = 12  # views before one that may show the same without a loop
-_MOST_LOOPS = 8  # matches of one view to much earlier ones
-_APART = 2.0  # meters between what two views that are matched look at, at most
-_SAME_WAY = np.radians(50)  # between their directions, at most
-_SURE = 0.15, np.radians(4)  # [m, rad] up to which views are matched from where they are
-_UNSURE = 6.0, np.radians(45)  # [m, rad] from which on no place is looked for
-_NEAR = 1.0  # meters between the cameras of places that are looked for, beside the uncertainty
-_SIGMAS = 3.0  # standard deviations within which a place is looked for
+_RECENT = 12  # views; matches to older ones close a loop
+_MOST_LOOPS = 8  # loop closures of one view
+_APART = 2.0  # meters between what two matched views look at, at most
+_SAME_WAY = np.radians(50)  # between their viewing directions, at most
+_SURE = 0.15, np.radians(4)  # [m, rad]; up to this uncertainty, views are matched directly
+_UNSURE = 6.0, np.radians(45)  # [m, rad]; beyond this uncertainty, places are not searched
+_NEAR = 1.0  # meters between cameras in a search, in addition to the uncertainty
+_SIGMAS = 3.0  # standard deviations; radius of a search
 _SEARCH_EVERY = 3  # views
-_MOST_SEARCHES = 3  # places about which one view is looked for
-_DIFFERENT = 1.5  # meters of way between them
-_OPTIMIZE_EVERY = 20  # views that close loops; at once if they do not fit
+_MOST_SEARCHES = 3  # places searched for one view
+_DIFFERENT = 1.5  # meters traveled between them
+_OPTIMIZE_EVERY = 20  # views with loop closures; immediately if they do not fit
 
 
 @dataclass
 class LoopCounts:
-    """What became of tries to close loops.
+    """Counts of attempts to close loops.
 
     Attributes:
-        searched: places about which a view was looked for.
-        found: of these, where it was found.
-        closed: matches of views to much earlier ones.
+        searched: places where a view was searched for.
+        found: of these, places where it was found.
+        closed: loop closures: matches of views to much earlier ones.
     """
 
     searched: int = 0
@@ -46,12 +46,12 @@ class LoopCounts:
 class Building:
     """A pose graph that grows by views.
 
-    Each view is matched to those just before it, and to much earlier ones that show the same by its
-    pose in the graph. Where this pose is not sure enough for that, the view is looked for.
+    Each view is matched to those just before it, and to much earlier ones that show the same place
+    by its pose in the graph. If this pose is too uncertain for that, the place is searched.
 
     Attributes:
         graph: poses and matches.
-        loops: what became of tries to close loops.
+        loops: counts of attempts to close loops.
     """
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ class Building:
         self._close_loops(b, np.arange(max(0, b - _RECENT)))
 
     def finish(self) -> None:
-        """Move all poses to where matches and odometry fit best."""
+        """Optimize all poses."""
         self.graph.optimize()
 
     @property
@@ -97,17 +97,17 @@ class Building:
         return self.graph.poses
 
     def match_errors(self) -> tuple[Array, Array]:
-        """Return the square of each match's error over its covariance, shapes (M,).
+        """Return the squared Mahalanobis distances of the errors of matches, shapes (M,).
 
-        By the poses as recorded, and by those of the graph.
+        By the recorded poses, and by those of the graph.
         """
         graph = self.graph
         return graph.squares(self.given)[graph.is_match], graph.squares(self.poses)[graph.is_match]
 
     def _follow(self, b: int) -> None:
-        """Match a view to those just before it, and put it where they agree that it is.
+        """Match a view to those just before it, and move it to where these matches agree.
 
-        Then a step of the recorded poses that is wrong does not make matches look wrong.
+        Then a wrong step of the recorded poses does not make matches look wrong.
         """
         recent = np.sort(self._that_may_share(b, np.arange(max(0, b - _RECENT), b)))
         matches = self._matches(recent.tolist(), b)
@@ -125,7 +125,7 @@ class Building:
             self.graph.add_edge(*match, is_match=True)
 
     def _close_loops(self, b: int, earlier: IntArray) -> None:
-        """Match a view to earlier ones, and optimize all poses if this moves them."""
+        """Match a view to much earlier ones, and optimize all poses if this moves them."""
         near = self._that_may_share(b, earlier)
         is_turn = b % _SEARCH_EVERY == 0 and len(earlier) > 0
         if len(near) == 0 and not is_turn:
@@ -146,7 +146,7 @@ class Building:
             self._since = 0
 
     def _that_may_share(self, b: int, earlier: IntArray) -> IntArray:
-        """Return the earlier views that may show the same as one, the nearest first."""
+        """Return the earlier views that may overlap with one, the nearest first."""
         poses = self.graph.poses
         apart = np.hypot(*(looked_at(poses[earlier]) - looked_at(poses[b])).T)
         turned = np.abs(wrapped(poses[earlier, 2] - poses[b, 2]))
@@ -155,7 +155,7 @@ class Building:
         return np.asarray(earlier[order])
 
     def _search(self, b: int, earlier: IntArray, position: Array, yaw: Array) -> list[Match]:
-        """Return matches of a view to a place about which it was looked for, if it is found."""
+        """Search for the place of a view, and return its matches there, none if not found."""
         poses = self.graph.poses
         apart = np.hypot(*(poses[earlier, :2] - poses[b, :2]).T)
         possible = (apart < _NEAR + _SIGMAS * position[earlier]) & (position[earlier] < _UNSURE[0])
@@ -176,7 +176,7 @@ class Building:
 
 
 def _spread(chosen: IntArray, count: int) -> list[int]:
-    """Return some of the views, the best first, but not many of one moment."""
+    """Return some of the views, the best first, spread over time."""
     kept: list[int] = []
     for a in chosen.tolist():
         if all(abs(a - c) > 2 for c in kept):

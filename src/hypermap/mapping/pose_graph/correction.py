@@ -1,4 +1,4 @@
-"""Corrects the poses of a recording by what its own depth images show, before it is mapped."""
+"""Corrects the poses of a recording by its own depth images, before it is mapped."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ from hypermap.perception.recording import (
 
 _KEYFRAMES = KeyframeConfig(min_distance=0.1, min_angle_deg=5.0)
 _FEWEST_MATCHES = 5
-_BETTER = 5.0  # times smaller that the errors of matches must be by corrected poses
-_CAP = 100.0  # of the square of an error over its covariance
+_BETTER = 5.0  # times smaller must the errors of matches be with corrected poses
+_CAP = 100.0  # of a squared Mahalanobis distance
 
 
 @dataclass(frozen=True, eq=False)
 class CorrectedPoses:
-    """The poses of a recording's frames, corrected as far as that makes them better.
+    """The poses of a recording's frames, corrected if that improves them.
 
     Attributes:
-        poses: `map_T_camera` of the frames that can be used, by stamp [s], in order.
-        loops: how many loops were closed: matches to what was seen much earlier.
+        poses: `map_T_camera` of the usable frames, shape (4, 4), by stamp [s], in order.
+        loops: number of loop closures.
         corrections: how many poses were corrected, and by how much.
     """
 
@@ -71,10 +71,10 @@ class CorrectedPoses:
 def correct_poses(
     recording: Recording, on_frame: Callable[[], None] | None = None
 ) -> CorrectedPoses:
-    """Return the poses of a recording by which its depth images fit each other.
+    """Return poses of a recording with which its depth images agree with each other.
 
-    The first pose stays, and so do heights, roll and pitch. If the images fit about as well by the
-    given poses, as where these are exact, all stay.
+    The first pose stays, and so do heights, roll and pitch. If the images agree about as well with
+    the given poses, as if these are exact, all stay.
 
     Args:
         recording: read once, without its color images.
@@ -90,7 +90,7 @@ def correct_poses(
 
 
 class CorrectedRecording(SameRecording):
-    """A recording with other poses; frames of which none is known keep theirs."""
+    """A recording with other poses; frames without one keep theirs."""
 
     def __init__(self, recording: PendingRecording, poses: Mapping[float, Array]) -> None:
         super().__init__(recording)
@@ -124,7 +124,7 @@ class _Moved:
 
 
 class _Collected:
-    """What the frames of a recording tell, one after the other."""
+    """Collects the frames of a recording."""
 
     def __init__(self) -> None:
         self._poses: dict[float, Array] = {}
@@ -140,7 +140,7 @@ class _Collected:
             self._consistency.add(frame)
 
     def corrected(self) -> CorrectedPoses:
-        """Return what becomes of the poses."""
+        """Return the corrected poses, or those recorded if they are not better."""
         corrections, building = Corrections(), self._building
         building.finish()
         if (reason := self._why_not()) is not None:
@@ -156,7 +156,7 @@ class _Collected:
         return CorrectedPoses(poses, building.loops.closed, corrections)
 
     def _why_not(self) -> str | None:
-        """Return why all poses stay as they are; None if they do not."""
+        """Return why all poses stay as recorded; None if they do not."""
         given, corrected = self._building.match_errors()
         if len(given) < _FEWEST_MATCHES:
             return NO_MATCHES
@@ -166,7 +166,7 @@ class _Collected:
         return WORSE_BY_MATCHES if gain is not None and gain < 0 else None
 
     def _moved_poses(self) -> dict[float, Array]:
-        """Return all poses, moved as the views before and after them are."""
+        """Return all poses, moved by the interpolated corrections of views, by stamp [s]."""
         building = self._building
         motions = compose(building.poses, inverse(building.given))
         stamps = building.stamps
@@ -185,7 +185,7 @@ class _Collected:
 
 
 def _mean(squares: Array) -> float:
-    """Return the mean of squared errors over their covariances, in which no outlier counts much."""
+    """Return the mean of squared Mahalanobis distances, capped against outliers."""
     return float(np.minimum(squares, _CAP).mean())
 
 

@@ -1,9 +1,9 @@
 """A pose graph in the plane, solved by sparse least squares.
 
-Source: Grisetti, Kümmerle, Stachniss, Burgard, "A tutorial on graph-based SLAM", 2010; edges that
-may be wrong have less weight the less they fit, by dynamic covariance scaling (Agarwal, Tipaldi,
+Source: Grisetti, Kümmerle, Stachniss, Burgard, "A tutorial on graph-based SLAM", 2010. Edges that
+may be outliers lose weight with their error by dynamic covariance scaling (Agarwal, Tipaldi,
 Spinello, Stachniss, Burgard, "Robust map optimization using dynamic covariance scaling", ICRA
-2013), which is made stricter round by round (Yang, Antonante, Tzoumas, Carlone, "Graduated
+2013), which becomes stricter with each round (Yang, Antonante, Tzoumas, Carlone, "Graduated
 non-convexity for robust spatial perception", RA-L 2020).
 """
 
@@ -20,7 +20,7 @@ from hypermap.mapping.pose_graph.planar import Array, between, wrapped
 
 _ROUNDS = 30
 _DAMPING, _MOST_DAMPING = 1e-9, 1e3
-_LEAST_INFORMATION = 1e-4  # about a direction, so that nothing is divided by zero
+_LEAST_INFORMATION = 1e-4  # about a direction, against division by zero
 _ROOM = 256  # edges
 _EDGE = np.dtype(
     [
@@ -31,7 +31,7 @@ _EDGE = np.dtype(
         ("is_match", np.bool_),
     ]
 )
-_SMALL = 1e-5  # meters or radians; a step below this is the last
+_SMALL = 1e-5  # meters or radians; the iteration ends with a step below this
 _PHIS = (
     1e9,
     1e3,
@@ -57,7 +57,7 @@ class PoseGraph:
         self.poses = np.vstack([self.poses, pose])
 
     def add_edge(self, a: int, b: int, a_T_b: Array, information: Array, *, is_match: bool) -> None:
-        """Add a measurement, which may be wrong.
+        """Add a measured relative pose, which may be an outlier.
 
         Args:
             a: a node.
@@ -77,16 +77,16 @@ class PoseGraph:
         return np.asarray(self._edges["is_match"][: self._count])
 
     def squares(self, poses: Array) -> Array:
-        """Return the square of each edge's error over its covariance, by some poses, shape (M,)."""
+        """Return the squared Mahalanobis distance of each edge's error, by some poses, (M,)."""
         edges = self._edges[: self._count]
         errors = _errors(poses, edges)
         return np.asarray(np.einsum("mi,mij,mj->m", errors, edges["information"], errors))
 
     def uncertainty(self, b: int) -> tuple[Array, Array]:
-        """Return standard deviations of each pose seen from one.
+        """Return standard deviations of each pose relative to one.
 
-        They are those along the surest chain of edges, and so not below the true ones. An error of
-        a heading counts by how far it is from there to the pose.
+        They are those along the chain of edges with the least uncertainty, an upper bound of the
+        true ones. An error of a heading counts by the distance to the pose.
 
         Returns:
             Of the position [m] and of the yaw [rad], shapes (N,).
@@ -99,17 +99,17 @@ class PoseGraph:
         size = len(self.poses)
         found = []
         for variances in (by_place + by_yaw * lever, by_yaw):
-            # The information of edges between the same two nodes adds up.
+            # The information of parallel edges adds up.
             links = sparse.csr_matrix((1 / variances, (edges["a"], edges["b"])), (size, size))
             links.data = 1 / links.data
             found.append(np.sqrt(dijkstra(links, directed=False, indices=[b])[0]))
         return found[0], found[1]
 
     def optimize(self) -> None:
-        """Move the poses to where the edges fit best; the first stays.
+        """Move the poses to minimize the errors of the edges; the first stays.
 
-        All matches count at first, so that many that agree can move what is far off; then those
-        that do not fit less and less.
+        At first all matches have full weight, so many that agree can correct large errors; then
+        outliers lose weight round by round.
         """
         if len(self.poses) < 2 or self._count == 0:
             return
@@ -117,10 +117,10 @@ class PoseGraph:
             self._optimize(phi)
 
     def _optimize(self, phi: float) -> None:
-        """Do so by Levenberg and Marquardt: steps that make it worse are not taken.
+        """Optimize by the Levenberg-Marquardt algorithm.
 
         Args:
-            phi: square of an error over its covariance from which on a match loses weight.
+            phi: squared Mahalanobis distance from which a match loses weight.
         """
         phis = np.where(self.is_match, phi, np.inf)
         damping, (cost, weights) = _DAMPING, _robust(self.squares(self.poses), phis)
@@ -141,10 +141,10 @@ class PoseGraph:
                 return
 
     def _step(self, weights: Array, damping: float) -> Array:
-        """Return by how much all poses but the first are to be moved, shape (N - 1, 3)."""
+        """Return the step of all poses but the first, shape (N - 1, 3)."""
         H, gradient = _normal_equations(self.poses, self._edges[: self._count], weights)
         H = H + damping * sparse.diags(H.diagonal())
-        # The order of elimination for symmetric matrices, without searching for pivots.
+        # The elimination order for symmetric matrices, without pivoting.
         solver = splu(
             H.tocsc(),
             permc_spec="MMD_AT_PLUS_A",

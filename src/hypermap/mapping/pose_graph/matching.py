@@ -1,4 +1,4 @@
-"""Matches views of a drive to each other: directly, or after one was looked for."""
+"""Matches views of a drive to each other: directly, or after a search."""
 
 from __future__ import annotations
 
@@ -12,47 +12,47 @@ from hypermap.mapping.pose_graph.registration import register
 from hypermap.mapping.pose_graph.search import Surroundings
 from hypermap.mapping.pose_graph.view import View
 
-_AHEAD = 2.0  # meters from a camera to what it looks at
-_ENOUGH_OVERLAP = 0.5  # of the later view; with less, the other way round may be better
+_AHEAD = 2.0  # meters from a camera to what it looks at, about
+_ENOUGH_OVERLAP = 0.5  # of the later view; with less, the reverse registration may be better
 _LEAST_OVERLAP, _LEAST_AGREEMENT = 0.25, 0.85
-_PART = 1.5  # meters of way about a view whose surfaces are looked for together
-_MOST_PART = 15  # views before and after it
+_PART = 1.5  # meters traveled around a view; their surfaces are searched together
+_MOST_PART = 15  # views before and after it, at most
 _LEAST_SCORE = 0.4
-_MOST_OTHER = 0.9  # share of the score that the best place elsewhere has, at most
+_MOST_OTHER = 0.9  # largest score of another place, as a share of the best score
 _LEAST_REACH = np.array([0.2, 0.1])  # of a search [m, rad]
-_FEWEST_MATCHES = 2  # that agree on where a view is
+_FEWEST_MATCHES = 2  # that must agree on the pose of a view
 _AGREE = 0.1, 0.035  # [m, rad]
 
 Match: TypeAlias = "tuple[int, int, Array, Array]"
-"""A view, another one, where this is in the first, and the information of that."""
+"""Views a and b, `a_T_b`, shape (3,), and the inverse of its covariance, shape (3, 3)."""
 
 
 def looked_at(poses: Array) -> Array:
-    """Return about where cameras look, shape (..., 2), by their poses, shape (..., 3)."""
+    """Return the points at which cameras look, shape (..., 2), by their poses, shape (..., 3)."""
     ahead = np.stack([np.cos(poses[..., 2]), np.sin(poses[..., 2])], axis=-1)
     return np.asarray(poses[..., :2] + _AHEAD * ahead)
 
 
 class Matcher:
-    """Matches views, of which there may be more each time."""
+    """Matches views, to which more may be added between calls."""
 
     def __init__(self, views: Sequence[View], ways: Sequence[float]) -> None:
         """Prepare to match.
 
         Args:
             views: in order of time.
-            ways: from the beginning to each [m].
+            ways: distance traveled to each [m].
         """
         self._views, self._ways = views, ways
 
     def match(self, poses: Array, a: int, b: int, map_T_b: Array | None = None) -> Match | None:
-        """Return how two views lie on each other; None unless they surely show the same.
+        """Register two views; None unless they surely show the same place.
 
         Args:
-            poses: where they are, about, shape (N, 3).
+            poses: approximate poses of all views, shape (N, 3).
             a: a view.
-            b: another one.
-            map_T_b: where this is instead, shape (3,).
+            b: another view.
+            map_T_b: another approximate pose of b, shape (3,).
         """
         start = between(poses[a], poses[b] if map_T_b is None else map_T_b)
         found = register(self._views[a], self._views[b], start)
@@ -65,15 +65,15 @@ class Matcher:
         return a, b, found.a_T_b, found.information
 
     def find(self, poses: Array, a: int, b: int, reach: Array) -> list[Match]:
-        """Return matches of a view to the place of another one, after looking for it there.
+        """Search for a view around another one, and return its matches there.
 
-        None if it is not found, may as well be elsewhere, or its matches do not agree.
+        No matches if it is not found, may as well be elsewhere, or its matches do not agree.
 
         Args:
-            poses: where views are, about, shape (N, 3).
+            poses: approximate poses of the views, shape (N, 3).
             a: a view of the place.
             b: the newest view.
-            reach: how far it may be from its pose [m, rad], shape (2,).
+            reach: largest error of its pose [m, rad], shape (2,).
         """
         start, reach = between(poses[a], poses[b]), np.maximum(reach, _LEAST_REACH)
         part = self._part(a)
@@ -90,12 +90,12 @@ class Matcher:
     def agreeing(
         poses: Array, matches: Sequence[Match], b: int
     ) -> tuple[list[Match], Array | None]:
-        """Return those matches of a view by which it is at the same place, and this place.
+        """Return the matches of a view that agree on its pose, and this pose, shape (3,).
 
-        None, and no place, if there are too few.
+        An empty list and None if there are too few.
 
         Args:
-            poses: where views are, shape (N, 3).
+            poses: of the views, shape (N, 3).
             matches: of the view with others.
             b: the view.
         """
@@ -116,12 +116,12 @@ class Matcher:
         return [match for match, does in zip(matches, agrees, strict=True) if does], middle
 
     def _part(self, a: int) -> list[int]:
-        """Return the views of the drive about one of them."""
+        """Return the views of the drive just before and after one of them."""
         around = range(max(0, a - _MOST_PART), min(len(self._views), a + _MOST_PART + 1))
         return [c for c in around if abs(self._ways[c] - self._ways[a]) < _PART]
 
     def _surfaces(self, poses: Array, a: int, part: Sequence[int]) -> Array:
-        """Return points of the upright surfaces of some views, seen from one, shape (N, 3)."""
+        """Return points of the upright surfaces of some views in the frame of one, (N, 3)."""
         surfaces = []
         for c in part:
             points = self._views[c].upright[::2].astype(np.float64)

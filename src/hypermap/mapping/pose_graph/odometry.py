@@ -1,4 +1,4 @@
-"""How sure relative poses of a recording are: as those of odometry, in twice its usual errors."""
+"""The uncertainty of relative poses in a recording: twice the usual errors of odometry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses in the plane as arrays: x, y [m] and yaw [rad], and what they are of poses in space."""
+"""Planar poses as arrays: x, y [m] and yaw [rad], and their relation to poses in space."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ Array = NDArray[np.float64]
 
 
 def heading(map_T_camera: Array) -> float:
-    """Return the yaw of a camera [rad]: of its view, or of its up if it looks up or down."""
+    """Return the yaw of a camera's optical axis [rad]; of its up axis if it looks up or down."""
     ahead, up = map_T_camera[:2, 2], -map_T_camera[:2, 1]
     x, y = ahead if np.hypot(*ahead) >= np.hypot(*up) else up
     return math.atan2(y, x)
 
 
 def planar(map_T_camera: Array) -> Array:
-    """Return x, y, yaw of a pose in space, shape (3,)."""
+    """Return x, y [m] and yaw [rad] of a pose in space, shape (3,)."""
     return np.array([map_T_camera[0, 3], map_T_camera[1, 3], heading(map_T_camera)])
 
 
 def moved(map_T_camera: Array, before: Array, after: Array) -> Array:
-    """Return a pose in space moved over the floor by what takes one planar pose to another."""
+    """Return a pose in space, shape (4, 4), after the planar motion from one pose to another."""
     turn = after[2] - before[2]
     cos, sin = math.cos(turn), math.sin(turn)
     rotation = np.array([[cos, -sin], [sin, cos]])
@@ -34,7 +34,7 @@ def moved(map_T_camera: Array, before: Array, after: Array) -> Array:
 
 
 def wrapped(angles: Array) -> Array:
-    """Return angles within -pi and pi."""
+    """Return angles [rad] normalized to -pi..pi."""
     return np.asarray((angles + math.pi) % math.tau - math.pi)
 
 

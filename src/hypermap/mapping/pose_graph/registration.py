@@ -16,24 +16,24 @@ from hypermap.mapping.pose_graph.planar import Array
 from hypermap.mapping.pose_graph.view import Floats, View
 
 _REACHES = np.array([0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.06, 0.06, 0.06, 0.06])
-# meters from plane to point up to which they may belong together, in each step
+# meters; largest distance of a correspondence from point to plane, in each step
 _FEWEST = 60  # points that a registration needs
-_TOGETHER = 10.0  # points with one common error
-_FLOOR = np.array([0.003, 0.003, 0.001])  # standard deviations below which none is [m, m, rad]
-_MATRIX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # where a symmetric matrix lies in its sums
-_CONTRADICTS = 0.1  # meters by which a surface is seen through
+_TOGETHER = 10.0  # points with a common error: so many count as one
+_FLOOR = np.array([0.003, 0.003, 0.001])  # added standard deviations [m, m, rad]
+_MATRIX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # indices of a symmetric matrix in `sums`
+_CONTRADICTS = 0.1  # meters; a ray that ends so far behind a point contradicts it
 
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """How one view lies on another.
+    """The relative pose of two views.
 
     Attributes:
         a_T_b: x, y, yaw of the second in the first [m, m, rad], shape (3,).
         information: inverse of its covariance, shape (3, 3).
-        overlap: share of the second view's upright points that the first one could show.
-        agreement: share of those that lie on a surface of the first one, of all that do, or through
-            which it saw.
+        overlap: share of the second view's upright points that are in the first one's image.
+        agreement: number of these on a surface of the first view, over the number of these on one
+            or contradicted by it, 0..1.
     """
 
     a_T_b: Array
@@ -45,13 +45,13 @@ class Registration:
 def register(
     first: View, second: View, a_T_b: Array, reaches: Array = _REACHES
 ) -> Registration | None:
-    """Return how the second view lies on the first; None if they share too little.
+    """Return the pose of the second view in the first; None if they overlap too little.
 
     Args:
         first: a view.
-        second: another one, of the same things.
-        a_T_b: where the second is in the first, about.
-        reaches: of each step, see above.
+        second: another view of the same place.
+        a_T_b: approximate pose of the second in the first [m, m, rad], shape (3,).
+        reaches: largest distances of correspondences in each step [m], shape (S,).
     """
     if len(second.upright) < _FEWEST:
         return None
@@ -73,7 +73,7 @@ def register(
     if used < _FEWEST or not np.isfinite(pose).all():
         return None
     information = _positive(sums[_MATRIX]) / _TOGETHER
-    # Covariances add up, also where the information about a direction is none.
+    # Add a covariance; this form also works without information about a direction.
     information -= information @ np.linalg.solve(information + np.diag(_FLOOR**-2.0), information)
     return Registration(
         pose,
@@ -84,7 +84,7 @@ def register(
 
 
 def _positive(information: Array) -> Array:
-    """Return the matrix without directions about which it knows less than nothing."""
+    """Return the nearest symmetric matrix without negative eigenvalues."""
     values, vectors = np.linalg.eigh((information + information.T) / 2)
     return np.asarray((vectors * np.maximum(values, 0)) @ vectors.T)
 

@@ -1,8 +1,8 @@
-"""Search for a place: where the surfaces of one part of a drive lie on those of another.
+"""Search for a place: the pose at which surfaces of one part of a drive match those of another.
 
 Source: Olson, "Real-time correlative scan matching", ICRA 2009; its search by branch and bound
 over grids of maxima is that of Hess, Kohler, Rapp, Andor, "Real-time loop closure in 2D LIDAR
-SLAM", ICRA 2016. Points are in bands of height here, so that a table is not taken for a wall.
+SLAM", ICRA 2016. Here points are in bands of height, so that a table does not match a wall.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hypermap.mapping.pose_graph.planar import Array
 _SIDE = 0.05  # of a cell [m]
 _BANDS = np.array([0.4, 0.85, 1.3])  # heights between bands [m]
 _LEVELS = 5  # of grids; the coarsest has cells 2 ** (_LEVELS - 1) as large
-_SPREAD = 1.0  # cells; standard deviation of where a surface is
+_SPREAD = 1.0  # cells; standard deviation of the place of a surface
 _STEP = math.radians(1.0)
 _MOST_POINTS = 500
 _FEWEST_POINTS = 60
@@ -35,9 +35,9 @@ class Found:
     """The best place of a search.
 
     Attributes:
-        a_T_b: where the second part lies in the first, x, y, yaw [m, m, rad], shape (3,).
-        score: 0..1, 1 where all its points lie on surfaces of the first.
-        other: the best score of all places elsewhere, as far as it is above the least of interest.
+        a_T_b: pose of the second part in the first: x, y, yaw [m, m, rad], shape (3,).
+        score: 0..1; 1 if all its points are on surfaces of the first.
+        other: the best score of other places, 0 if below the least of interest.
     """
 
     a_T_b: Array
@@ -46,13 +46,13 @@ class Found:
 
 
 class Surroundings:
-    """Where surfaces are about a place, as grids of which each level has the maxima of the last."""
+    """The surfaces around a place, as a pyramid of grids of maxima."""
 
     def __init__(self, points: Array) -> None:
         """Prepare to search.
 
         Args:
-            points: of upright surfaces, x and y about the place, z from the floor, shape (N, 3).
+            points: of upright surfaces, x and y from the place, z from the floor [m], shape (N, 3).
         """
         self._first = np.floor(points[:, :2].min(axis=0) / _SIDE).astype(int) - 4
         shape = np.floor(points[:, :2].max(axis=0) / _SIDE).astype(int) - self._first + 5
@@ -67,14 +67,14 @@ class Surroundings:
         self._levels = levels
 
     def place_of(self, points: Array, about: Array, reach: Array, least: float) -> Found | None:
-        """Return where points of another part lie best.
+        """Return the pose at which the points of another part match best; None if none does.
 
         Args:
-            points: as above, about its own place, shape (N, 3).
-            about: where this is thought to be, x, y, yaw [m, m, rad], shape (3,).
-            reach: how far it may be from there [m, rad], shape (2,).
-            least: score below which nothing is found, and of which share of the best score another
-                place is of interest.
+            points: as above, from its own place, shape (N, 3).
+            about: approximate pose of this place: x, y, yaw [m, m, rad], shape (3,).
+            reach: largest error of this pose [m, rad], shape (2,).
+            least: least score of a match; and the share of the best score that another place must
+                have to be of interest.
         """
         points = thinned(points)
         if len(points) < _FEWEST_POINTS:
@@ -113,15 +113,15 @@ class Surroundings:
         is_tried: NDArray[np.bool_],
         spared: tuple[int, int, int] | None,
     ) -> tuple[int, int, int, float] | None:
-        """Return the best place: number of the yaw, steps in x and y, and score.
+        """Return the best place: index of the yaw, steps in x and y, and score.
 
         Args:
             cells: of the points for each yaw, shape (Y, N, 2).
             bands: of the points, shape (N,).
-            steps: in which x and y may differ.
-            least: score that it must have.
+            steps: largest difference in x and y.
+            least: least score.
             is_tried: which yaws are tried, shape (Y,).
-            spared: place and distance of steps within which nothing is looked for.
+            spared: x, y and radius of an area that is excluded, in steps; None for none.
         """
         coarsest = 2 ** (_LEVELS - 1)
         corners = np.arange(-steps, steps + 1, coarsest)
@@ -131,13 +131,13 @@ class Surroundings:
         grid = self._levels[-1]
         _score(grid, coarsest - 1, cells, bands, np.ascontiguousarray(first), bounds)
         best: tuple[int, int, int, float] | None = None
-        # Best first, and depth first from there: bounds of finer cells are never above.
+        # Best first, then depth first: bounds of finer cells are never larger.
         stack = [(bounds[k], _LEVELS - 1, first[k]) for k in np.argsort(bounds)]
         while stack:
             bound, level, node = stack.pop()
             if bound <= least:
                 if level == _LEVELS - 1:
-                    break  # the others have even less
+                    break  # the others have smaller bounds
                 continue
             if level == 0:
                 if max(abs(int(node[1])), abs(int(node[2]))) > steps:
@@ -158,7 +158,7 @@ class Surroundings:
 
 
 def thinned(points: Array) -> Array:
-    """Return one point per cell and band, and not more than are compared quickly."""
+    """Return one point per cell and band, and not more than can be compared fast."""
     keys = np.column_stack([np.floor(points[:, :2] / _SIDE), np.digitize(points[:, 2], _BANDS)])
     _, chosen = np.unique(keys.astype(np.int64), axis=0, return_index=True)
     chosen.sort()
@@ -166,7 +166,7 @@ def thinned(points: Array) -> Array:
 
 
 def _near(grid: NDArray[np.float32]) -> Cells:
-    """Return how near each cell is to an occupied one, 0..255."""
+    """Return the proximity of each cell to an occupied one, uint8, 255 for occupied."""
     if not grid.any():
         return np.zeros(grid.shape, np.uint8)
     distance = scipy.ndimage.distance_transform_edt(grid == 0)
@@ -174,9 +174,9 @@ def _near(grid: NDArray[np.float32]) -> Cells:
 
 
 def _maxima(finer: Cells, half: int) -> Cells:
-    """Return grids with the maximum of each cell's and three later cells' values, `half` apart.
+    """Return grids with the maximum of each cell and three later cells, `half` apart.
 
-    They have one cell more at the beginning for each that a later one may reach.
+    They are padded at the beginning by the cells that reach into the finer grids.
     """
     bands, height, width = finer.shape
     padded = np.zeros((bands, height + half, width + half), np.uint8)
@@ -200,11 +200,11 @@ def _score(
 
     Args:
         grid: values by band, row and column.
-        before: rows and columns that it has before the first ones of the finest grid.
+        before: numbers of its rows and columns before the first ones of the finest grid.
         cells: of the points for each yaw, shape (Y, N, 2).
         bands: of the points, shape (N,).
-        nodes: yaw, and steps in x and y, shape (P, 3).
-        scores: 0..1, shape (P,).
+        nodes: index of the yaw, and steps in x and y, shape (P, 3).
+        scores: filled in, 0..1, shape (P,).
     """
     rows, columns = grid.shape[1:]
     for k in range(len(nodes)):

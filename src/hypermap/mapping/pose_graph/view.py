@@ -1,4 +1,4 @@
-"""What a depth image shows of upright surfaces, leveled: as seen from a camera that looks ahead."""
+"""The upright surfaces in a depth image, in leveled coordinates."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from hypermap.mapping.pose_graph.planar import Array, planar
 from hypermap.perception.frame import RgbdFrame
 
-_COLUMNS = 80  # of blocks of pixels in which depth is averaged, about
+_COLUMNS = 80  # of blocks of pixels over which depth is averaged, about
 _NEAR, _FAR = 0.2, 6.0  # meters between which depth is used
-_SMOOTH = 0.03  # 1/m; blocks whose disparity differs by more lie on an edge
+_SMOOTH = 0.03  # 1/m; a larger difference in disparity between blocks is a depth edge
 _UPRIGHT = 0.7  # least horizontal part of the normal of an upright surface
 _LOWEST = 0.05  # meters above the floor
 
@@ -23,7 +23,7 @@ Floats = NDArray[np.float32]
 class View:
     """A depth image in blocks of pixels.
 
-    Its coordinates are leveled: x ahead, y left, z up from the floor, and (0, 0) under the camera.
+    Its coordinates are leveled: x forward, y left, z up from the floor, (0, 0) below the camera.
 
     Attributes:
         stamp: of the frame [s].
@@ -31,8 +31,8 @@ class View:
         level_R_camera: rotation from the camera's optical frame, shape (3, 3).
         height: of the camera above the floor [m].
         intrinsics: fx, fy, cx, cy of the blocks [blocks], shape (4,).
-        points: of each block [m], NaN where it has none, shape (H, W, 3).
-        normals: of the surface there, shape (H, W, 3); NaN where it has none.
+        points: of each block [m], NaN without one, float32, shape (H, W, 3).
+        normals: of the surface there, NaN without one, float32, shape (H, W, 3).
         upright: points of upright surfaces [m], shape (N, 3).
         upright_normals: their normals, shape (N, 3).
     """
@@ -64,7 +64,7 @@ class View:
             chosen = np.hypot(normals[..., 0], normals[..., 1]) > _UPRIGHT
             chosen &= points[..., 2] > _LOWEST
         K = frame.camera.K / [[step], [step], [1]]
-        middle = (step - 1) / 2 / step  # a block's center counts as its place
+        middle = (step - 1) / 2 / step  # pixel coordinates of a block are those of its center
         return cls(
             frame.stamp,
             pose,
