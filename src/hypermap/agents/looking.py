@@ -236,7 +236,7 @@ class Looking:
         """Answer a question in plain English, such as: which chairs are within 1 m of a table?
 
         Where, which, what, how many, how far, is there; near, on, under, in, left of; and, or, not.
-        It tells how it understood the question, or what it could not read.
+        The answer says how the question was understood, or what could not be read.
         """
         from hypermap.questions.asking import answer_to
         from hypermap.questions.english import NotUnderstood

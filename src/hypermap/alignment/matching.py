@@ -28,7 +28,7 @@ _PER_ROTATION, _CANDIDATES = 3, 24  # places that are kept of each rotation, and
 _MOST_POINTS = 4000  # of walls, that are compared in the fine search
 _ELSEWHERE = (0.5, math.radians(8))  # [m, rad] by which another place differs
 _NEAR_INITIAL = (2.0, math.radians(30))  # [m, rad] around a pose that is given
-_WALL = 0.08  # [m] up to which walls are the same, beside half a cell of each map
+_WALL = 0.08  # [m] up to which walls are the same, plus half a cell of each map
 _OBJECT = 0.6  # [m] up to which objects of one name are the same
 _OBJECT_WEIGHT = 1.0  # [m] of wall for which an object in its place counts, and against, elsewhere
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def tables_folder(output: Path) -> Path:
-    """Return the folder for the tables of a report, beside it."""
+    """Return the folder for the tables of a report, next to it."""
     return output.with_name(f"{output.stem}-tables")
 
 

@@ -103,7 +103,7 @@ class RecordingRequest:
 
     Attributes:
         options: what was given.
-        measured: "level" and "time_offset", where the frames are to tell them.
+        measured: "level" and "time_offset", if they are to be measured from the frames.
     """
 
     options: RecordingOptions

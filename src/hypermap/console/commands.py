@@ -73,7 +73,7 @@ class Console:
     Attributes:
         hypermap: the map; a load that fails leaves it as it was.
         republish: called when the user asks to publish everything again; returns the answer.
-        source: where the map was loaded from, as JSON tells it; None if nowhere.
+        source: where the map was loaded from, as in JSON; None if nowhere.
         describe_evidence: returns the evidence for an object; None where there is none to ask for.
         automap: called when the user asks to show what a camera covers; returns the answer.
     """

@@ -21,7 +21,7 @@ class TextEncoder(Protocol):
     """Turns texts into vectors that can be compared with the embeddings of objects.
 
     Attributes:
-        model: tells encoders of images and texts that belong together from all others.
+        model: identifies a pair of encoders of images and texts.
     """
 
     model: str

@@ -41,7 +41,7 @@ from hypermap.history.likeness import (
 
 _SAME_PLACE = 0.3  # IoU from which on an object of the same name has not moved
 _RENAMED = 0.5  # IoU of an object and one with another name in its place
-_AROUND = 0.3  # [m] around an object; what is known there tells whether its place is known
+_AROUND = 0.3  # [m] around an object; if this area is known, so is its place
 _KNOWN = 0.3  # share of what is around it
 
 

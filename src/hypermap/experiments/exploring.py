@@ -104,7 +104,7 @@ def explore(
     the best frontier, and at last to all other unsure objects, until nothing is left.
 
     Args:
-        world: what there is, with a drive that tells start, speed and camera.
+        world: what there is, with a drive that gives start, speed and camera.
         robot: the robot.
         config: how it maps, from depth alone.
         every: meters from one milestone to the next.

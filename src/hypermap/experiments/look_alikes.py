@@ -1,4 +1,4 @@
-"""True changes as they are seen: of two things that look alike, nobody can tell which is which."""
+"""True changes as they appear: two objects that look alike cannot be distinguished."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """One recording by many workers, who look at frames ahead of the mapper.
 
 What a frame shows does not depend on the frames before it, and takes nearly all of the time. Which
-frames are keyframes does, a little: the poses tell it in advance, unless a frame cannot be used. So
+frames are keyframes does, a little: the poses show it in advance, unless a frame cannot be used. So
 workers look at the frames that will be keyframes by all that is known, and again at others if it
 turns out otherwise. The mapper decides; a frame that it needs and nobody has looked at, it looks at
 itself. Thus the map does not depend on the number of workers.

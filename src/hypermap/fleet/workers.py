@@ -153,7 +153,7 @@ class _Worker:
         self.begin()
 
     def begin(self) -> None:
-        """Start the process, anew if there was one."""
+        """Start the process, or restart it."""
         # Threads and compiled loops do not survive a fork.
         context = multiprocessing.get_context("spawn")
         self._connection, other = context.Pipe()

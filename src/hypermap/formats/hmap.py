@@ -116,7 +116,7 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
     files = store.files
     if is_config:
         config = files.pop(path.name)
-        # The configuration comes last: it tells readers that the files are from another save.
+        # The configuration comes last: by it, readers see that the files are from another save.
         write_files(path.parent, {**files, path.name: config})
     else:
         write_archive(path, files)

@@ -9,7 +9,7 @@ OTHER = "application/octet-stream"
 """The media type of all that no browser is asked to show."""
 
 HEAD = 4096
-"""How many first bytes tell the kind."""
+"""Number of first bytes that identify a media type."""
 
 _STARTS = {
     b"\x89PNG\r\n\x1a\n": "image/png",

@@ -57,7 +57,7 @@ def find_rooms(
     Args:
         occupancy: the grid.
         settings: what a room is.
-        objects: the objects in the rooms, in the layer's frame: they tell the kinds of rooms, and
+        objects: the objects in the rooms, in the layer's frame: they decide the kinds of rooms, and
             where they stand is no wall.
         kinds: the table of kinds; None for ours.
         previous: rooms that were found before, in the same frame: where they overlap, ids and names

@@ -40,7 +40,7 @@ def without_furniture(
 def _cleared(free: BoolArray, seen: BoolArray, outline: BaseGeometry, grid: GridGeometry) -> bool:
     """Make the cells of an object free, if that connects nothing; return whether that is done.
 
-    It must stand beside cells that were `seen` to be free: no row of objects leads out of a room.
+    It must be next to cells that were `seen` to be free: no row of objects leads out of a room.
     """
     rows, cols = grid.cells_in(outline.buffer(_MARGIN * grid.resolution))
     if not len(rows):

@@ -32,7 +32,7 @@ def room_called(rooms: Rooms, what: str) -> Room | None:
     """Return the one room with a name, of a kind, or with an id as "room 3"; None if there is none.
 
     Raises:
-        HypermapError: If there are several; it tells their ids.
+        HypermapError: If there are several; it names their ids.
     """
     found = rooms_called(rooms, what)
     named = [room for room in found if room.name == what] or found

@@ -1,4 +1,4 @@
-"""Cross-sections of free space beside lines: where both walls go on, a line divides nothing."""
+"""Cross-sections of free space next to lines: where both walls continue, a line divides nothing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypermap.core.arrays import BoolArray, FloatArray
 _REACH = 2.0  # [m] sections lie so far to either side of a line, or as far as it is long
 _ALIKE = 0.15  # of a line's length may a wall lie off the place where it would go straight on
 _SLANTS = np.tan(np.radians([0.0, -15.0, 15.0, -30.0, 30.0]))  # of a corridor to a line across it
-_GOES_ON = 0.5  # [m] of wall beside a gap in it
+_GOES_ON = 0.5  # [m] of wall next to a gap in it
 _SECTIONS = 10  # to each side
 _STEP = 0.5  # cells from place to place in a section
 
@@ -45,7 +45,7 @@ def gaps_in_walls(lines: FloatArray, walls: BoolArray, side: float) -> BoolArray
     for end, direction in ((0, -1), (1, 1)):
         places = lines[:, end, np.newaxis] + direction * beyond * along[:, np.newaxis]
         there = np.zeros(places.shape[:2], dtype=bool)
-        for off in (-1, 0, 1):  # cells: a line ends at a corner, so its wall lies beside it
+        for off in (-1, 0, 1):  # cells: a line ends at a corner, so its wall is next to it
             cols, rows = np.floor(places + off * across[:, np.newaxis]).astype(np.int64).T
             cols, rows = np.clip(cols, 0, walls.shape[1] - 1), np.clip(rows, 0, walls.shape[0] - 1)
             there |= walls[rows, cols].T

@@ -259,7 +259,7 @@ class _Draft:
 def look_alike(one: WorldObject, other: WorldObject) -> bool:
     """Return whether two things are of one class, and of nearly the same size.
 
-    Nobody can tell such things apart.
+    Such objects cannot be distinguished.
     """
     is_same = (one.label, one.model, one.z) == (other.label, other.model, other.z)
     if not is_same or (one.outline is None) != (other.outline is None):

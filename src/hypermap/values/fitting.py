@@ -19,7 +19,7 @@ from hypermap.values.source import find_source, source_trends
 LEAST_SAMPLES = 5  # with a value, needed to estimate length, deviation and noise
 _NOISE = (0.02, 20.0)  # as a multiple of the field's deviation
 # What length, noise over deviation and `through_walls` are before any sample, and the standard
-# deviation of their logarithms. What is left of a signal beside its mean is shadows, some meters
+# deviation of their logarithms. What remains of a signal besides its mean is shadowing, some meters
 # wide (Gudmundson, Electronics Letters 27, 1991).
 _THROUGH_WALLS = 0.05
 _EXPECTED = ((1.0, math.inf), (1.0, math.inf), (_THROUGH_WALLS, 1.1))
@@ -84,7 +84,7 @@ def fit_settings(lattice: Lattice, heard: Observations, *, may_have_source: bool
         found = _likeliest(lattice, heard, best.parameters, bounds, away)
         if found.likelihood > best.likelihood:
             best = found
-    if not (may_have_source and lattice.has_walls):  # without walls, samples tell as much
+    if not (may_have_source and lattice.has_walls):  # without walls, samples suffice
         return best.settings()
     return _with_source(lattice, heard, best, bounds) or best.settings()
 

@@ -40,7 +40,7 @@ class FieldSettings:
         deviation: standard deviation of the quantity over the floor, in its unit.
         noise: standard deviation of a sample at one place, in its unit.
         through_walls: how much of a link of 0.25 m is left where a wall cuts it, 0 to 1.
-        away_from_walls: how much the quantity is driven there, as a share of that beside walls,
+        away_from_walls: how much the quantity is driven there, as a share of that next to walls,
             where windows and radiators are; above 0, and 1 where it makes no difference.
         source_x: where the sender of a radio signal is [m]; NaN where the mean is one number.
         source_y: the same.
@@ -173,7 +173,7 @@ class Posterior:
         )
         values = observations.values
         here = self._here = observations.weights @ self._trends
-        # What the observations tell of the trends, and what they leave of them to be told.
+        # The part of the trends that the observations explain, and the rest.
         told = self._solve(observations.information @ self._trends / noise**2)
         self._away = self._trends - told
         weighted = self._weighted(here, told)
@@ -244,7 +244,7 @@ class Posterior:
         """Return how likely the observations are where the mean has another trend.
 
         Args:
-            others: that trend beside a constant in K cases, shape (N, K).
+            others: that trend and a constant in K cases, shape (N, K).
 
         Returns:
             Shape (K,): the logarithm but for a constant; -inf where its share would be negative.

@@ -20,7 +20,7 @@ class Mark:
     Attributes:
         layer: heading in the legend.
         number: the note's id.
-        title: beside the number in the legend.
+        title: shown next to the number in the legend.
         x: of the mark [m].
         y: of the mark [m].
         area: which the note is about; None for a point.

@@ -263,7 +263,7 @@ class Matches:
 
     @property
     def keys(self) -> NDArray[np.int64]:
-        """A number that tells an object of the map from all others, shape (N,); -1 for none."""
+        """A number that identifies an object of the map, int64, shape (N,); -1 for none."""
         return self.placed.keys
 
     def take(self, rows: IntArray | BoolArray | slice) -> Matches:

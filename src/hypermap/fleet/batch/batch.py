@@ -104,7 +104,7 @@ def _result(job: Job, future: Future[Done], folder: Path) -> Result:
         return Result(job, "failed", {}, f"{type(error).__name__}: {error}")
     if done.content is None:
         return Result(job, "unchanged", _known(folder, job).get("figures", {}))
-    # First the note of the old map goes, so that it never stands beside another one.
+    # Remove the note of the old map first, so that it never belongs to another one.
     (folder / f"{job.name}.json").unlink(missing_ok=True)
     write_file(folder / f"{job.name}.hmap", done.content)
     note = {"key": done.key, "figures": done.figures}

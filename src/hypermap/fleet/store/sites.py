@@ -134,7 +134,7 @@ def add_version(
     note: str,
     outcome: dict[str, Any],
 ) -> None:
-    """Record a version in the history, and tell all who listen once the transaction ends."""
+    """Record a version in the history, and notify listeners once the transaction ends."""
     cursor.execute("UPDATE sites SET version = %s WHERE id = %s", (version, site_id))
     cursor.execute(
         "INSERT INTO versions (site_id, version, update_id, note, outcome) "

@@ -56,8 +56,8 @@ def thin(
         database: the store; its user must be an administrator.
         site: the name of the site.
         keep: versions that were written in so many seconds up to now stay [s].
-        max_mb: of these, the newest that need so many megabytes beside the present one, and all
-            of the last day; None for all.
+        max_mb: of these, the newest that need so many megabytes in addition to the present one,
+            and all of the last day; None for all.
 
     Raises:
         SiteNotFound: If there is no such site.

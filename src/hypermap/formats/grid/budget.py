@@ -16,12 +16,12 @@ def check_cells(count: int, size: str, path: str, weight: int = 1) -> None:
 
     Args:
         count: of the cells, of one grid or of all grids of a map together.
-        size: how the message tells them, as "10000 x 10000 cells".
+        size: the cells as in the message, such as "10000 x 10000 cells".
         path: of the file.
         weight: what a cell counts, if reading it takes more memory than usual.
 
     Raises:
-        FormatError: If there are too many. The message tells how many bytes they would take, and
+        FormatError: If there are too many. The message says how many bytes they would take, and
             how to raise the limit.
         HypermapError: If the setting is no whole number.
     """

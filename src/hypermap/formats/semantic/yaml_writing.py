@@ -108,7 +108,7 @@ class _Writer:
             confidence: of the object.
             attributes: of the object.
             known: existence and when it was seen first and last; NaN where not known.
-            number: its id where the position does not tell it.
+            number: its id, if that differs from its position.
 
         Raises:
             _Elaborate: If something is more than a plain word or number; nothing is written then.

@@ -13,7 +13,7 @@ class Embedder(Protocol):
     """Encodes images and texts as vectors, which are the more alike, the more their contents are.
 
     Attributes:
-        model: tells these encoders from all others, as by a checksum of their files.
+        model: identifies these encoders, for example by a checksum of their files.
     """
 
     model: str

@@ -1,4 +1,4 @@
-"""Texts as numbers of tokens, by the `tokenizer.json` that lies beside an encoder of texts."""
+"""Texts as numbers of tokens, by the `tokenizer.json` next to an encoder of texts."""
 
 from __future__ import annotations
 

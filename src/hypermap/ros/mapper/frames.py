@@ -98,7 +98,7 @@ class FrameMaker:
         return turned(frame, self._settings.rotate)
 
     def _color_camera(self, color: Any) -> Camera:
-        """Return the camera of a color image, whose size only its camera info tells if compressed.
+        """Return the camera of a color image; if compressed, only camera info has its size.
 
         Raises:
             FormatError: If that says nothing of use.

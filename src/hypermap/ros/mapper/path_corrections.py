@@ -17,7 +17,7 @@ from hypermap.ros.port import Message, Port
 from hypermap.ros.throttle import Throttle
 
 _LEAST = 0.02  # meters that a frame must move for the map to be made again
-_QUEUE = 100  # graphs that may wait, as each tells the time of one node
+_QUEUE = 100  # graphs that may wait, because each contains the time of one node
 
 
 class PathCorrections:

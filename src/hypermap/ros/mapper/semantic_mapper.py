@@ -153,7 +153,7 @@ class _Life:
             self._others.append(PathCorrections(port, settings, live_map, self._log))
         elif settings.odom_frame:
             self._others.append(TfCorrections(port, settings, live_map, self._log))
-        # Before the images, for which a player of bags waits: a bag tells its map but once.
+        # Before the images, for which a bag player waits: a bag publishes its map only once.
         if settings.map_topic:
             self._others.append(
                 port.subscribe(settings.map_topic, OCCUPANCY, self._take_occupancy, latched=True)

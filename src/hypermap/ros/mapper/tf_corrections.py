@@ -22,7 +22,7 @@ _AHEAD = 3.0  # m from the camera to what it sees
 class TfCorrections:
     """Moves the map when the frame of odometry jumps in it, as after a loop closure.
 
-    tf tells only where the robot is now. The frames since the jump before are taken to have
+    tf contains only the present pose. The frames since the jump before are taken to have
     drifted evenly along their way, so that each moves by its share of the jump.
     """
 

@@ -89,7 +89,7 @@ def occupancy_grid(layer: OccupancyLayer, types: Types, stamp: int) -> Message:
 def value_grid(layer: ValueLayer, types: Types, stamp: int) -> Message:
     """Return a value layer as `nav_msgs/OccupancyGrid`: 0 its smallest value, 100 its largest.
 
-    -1 is unknown; `value_scale` tells the two values.
+    -1 is unknown; `value_scale` gives the two values.
     """
     grid_class = writing_arrays(types.message("nav_msgs/OccupancyGrid"))
     cells = np.empty(0, np.int8)

@@ -92,7 +92,7 @@ def _write(package: str, texts: Mapping[str, str], folder: Path) -> None:
 
 
 def _write_used(folder: Path) -> Path:
-    """Write the definitions that ours use, as the installed message classes tell them."""
+    """Write the definitions that ours use, as the installed message classes contain them."""
     for package in _USED_PACKAGES:
         (folder / package).mkdir(parents=True)
         for name, kind in vars(importlib.import_module(f"{package}.msg")).items():

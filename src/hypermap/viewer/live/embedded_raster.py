@@ -35,7 +35,7 @@ class EmbeddedRaster:
             of half a cell, so that the one over a cell's center shows that cell.
         reduced_by: how many cells of the layer, along a side, became one; 1: all are there.
         says: color "rrggbbaa" -> label and value of the cells that have it; empty for layers whose
-            colors do not tell what their cells hold.
+            colors do not identify the values of cells.
     """
 
     rgba: NDArray[np.uint8]

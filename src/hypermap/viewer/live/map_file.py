@@ -108,7 +108,7 @@ def _has_layers(path: Path) -> bool:
 
 
 def _look_at(path: Path, parts: tuple[str, ...]) -> _Look:
-    """Return what tells one state of a map's files from another; nothing if it is gone."""
+    """Return what identifies the state of a map's files; nothing if they are gone."""
     if not path.exists():
         return ()
     store = FolderStore(path.parent)

@@ -21,7 +21,7 @@ FINEST = 0.01
 """Side of a pixel at zoom 0 [m]; each zoom doubles it, and negative ones halve it."""
 
 _ZOOMS = range(-8, 25)
-_FARTHEST = 2**40  # tiles from the origin; where numbers still tell pixels apart
+_FARTHEST = 2**40  # tiles from the origin; within it, floats distinguish pixels
 
 
 @dataclass(frozen=True)

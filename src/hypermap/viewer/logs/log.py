@@ -85,7 +85,7 @@ class _LogFile:
         with self._file:
             try:
                 self._log.close()
-            except (OSError, RuntimeError) as error:  # whose texts do not tell what the system said
+            except (OSError, RuntimeError) as error:  # whose texts lack the system's message
                 raise HypermapError(
                     f"{self._path}: the log could not be written; is the disk full? ({error})"
                 ) from None
