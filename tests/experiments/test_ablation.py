@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import shapely
 
@@ -32,7 +31,7 @@ def result(name: str = "w") -> WorldResult:
     )
     table = SemanticObject("table", shapely.box(1.6, 1.3, 2.4, 2.7))
     far = SemanticObject("table", shapely.box(4.6, 1.3, 5.4, 2.7))
-    errors, sightings = errors_of_level("none"), Sightings(*np.ones((3, 2), np.int64))
+    errors, sightings = errors_of_level("none"), Sightings.none(2)
     return WorldResult.of(
         [
             Mapped(

@@ -18,8 +18,9 @@ import shapely
 from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.significance import signed_rank
 from hypermap.experiments.drives import Mapped, SimulatedDrive, map_drive
+from hypermap.experiments.figures import to_data
 from hypermap.experiments.methods import OURS, PUBLISHED, methods
-from hypermap.experiments.results import WorldResult, to_data
+from hypermap.experiments.results import WorldResult
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
 from hypermap.perception.detectors.sources import detections_from_recording
@@ -115,11 +116,31 @@ def test_the_table_and_the_page_show_the_figures(report: tuple[str, dict, str]) 
     assert figures["command"] in page
 
 
+def test_figures_go_into_detail(report: tuple[str, dict, str]) -> None:
+    _, figures, page = report
+    ours = figures["worlds"][0]["methods"][OURS]
+    assert [(group["words"], group["objects"]) for group in ours["groups"]["object"]] == [
+        ("0 table", 2),
+        ("1 chair", 2),
+    ]
+    assert ours["confusion"]["classes"] == ["chair", "table"]
+    counts = np.array(ours["confusion"]["counts"])
+    assert counts[:2].sum(axis=1).tolist() == [2, 2]
+    assert np.trace(counts) == 4 * ours["at"][0]["recall"] == 4 * ours["recall_of_detected"]
+    assert ours["localization"][-1] >= ours["at"][0]["recall"]
+    assert len(ours["localization"]) == len(figures["localization_limits"])
+    given, used = (ours["poses"][when]["ate"] for when in ("given", "used"))
+    assert given == 0  # the level `fair` has exact poses,
+    assert used < 0.02  # which the correction leaves about as they are
+    assert page.count("data:image/svg+xml;base64,") == 4
+
+
 def test_each_table_is_saved_for_a_paper(report: tuple[str, dict, str]) -> None:
     text, figures, _ = report
     folder = Path(re.search(r"tables +(.*)", text).group(1))  # type: ignore[union-attr]
     names = {file.stem for file in folder.iterdir()}
-    assert {"studio-methods", "studio-class-iou", "studio-reliability-default"} <= names
+    kinds = "methods gains class-iou recall poses by-size by-object reliability-default"
+    assert {f"studio-{kind}" for kind in (*kinds.split(), "confusion-hull")} <= names
     assert {file.suffix for file in folder.iterdir()} == {".csv", ".tex"}
     with (folder / "studio-methods.csv").open(encoding="utf-8") as file:
         rows = {row["method"]: row for row in csv.DictReader(file)}
@@ -190,7 +211,7 @@ def test_figures_are_means_over_all_true_objects_of_all_drives() -> None:
             SimulatedDrive(world, seed, errors, 1.0),
             1,
             {OURS: (exact,), "best shape, overlap": (off,)},
-            Sightings(np.array([3, 2]), np.array([2, seed - 1]), np.array([0, 1])),
+            Sightings(*np.array([[3, 2], [2, seed - 1], [0, 1]]), np.array([1.2, 3.0])),
         )
         for seed in (2, 1)
     ]

@@ -21,12 +21,15 @@ def test_a_thing_is_detected_by_a_box_around_it_with_its_class() -> None:
     instances[20:35, 5:25] = 3  # somebody who walks by
     names = ["table", "chair", "cup"]
     sightings = Sightings.none(3)
+    near, far = (np.full(instances.shape, depth, np.float32) for depth in (1.5, 2.5))
+    far[instances == 1] = 1.0
     boxes = [[4, 4, 26, 16], [30, 20, 50, 35], [0, 0, 60, 40]]
-    sightings.add(instances, Detections.of(boxes, ["table", "bench", "chair"]), names)
-    sightings.add(instances, Detections.of([], []), names)
+    sightings.add(instances, near, Detections.of(boxes, ["table", "bench", "chair"]), names)
+    sightings.add(instances, far, Detections.of([], []), names)
     assert sightings.visible.tolist() == [2, 2, 0]
     assert sightings.detected.tolist() == [1, 0, 0]
     assert sightings.mistaken.tolist() == [0, 1, 0]
+    assert sightings.nearest.tolist() == [1.5, 1.0, np.inf]
     assert sightings.share() == 1 / 3
     assert sightings.share(at_least=2) == 0
 

@@ -19,7 +19,7 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     """Map all drives without each part, show what that changes, and save it."""
     from hypermap.experiments.ablation import chosen_parts, tables_of
     from hypermap.experiments.ablation_report import to_data, write_report
-    from hypermap.experiments.results import made_with
+    from hypermap.experiments.figures import made_with
     from hypermap.experiments.tables import save_tables
     from hypermap.formats.atomic import write_file
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     """Map all series, show what came of them, and save it as JSON."""
     from hypermap.experiments.days import Series, map_series
-    from hypermap.experiments.results import made_with
+    from hypermap.experiments.figures import made_with
     from hypermap.formats.atomic import write_file
     from hypermap.mapping.config import profile
     from hypermap.simulation import varied

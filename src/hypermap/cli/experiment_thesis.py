@@ -13,15 +13,12 @@ from hypermap.cli.terminal import say, say_json
 if TYPE_CHECKING:
     from hypermap.experiments.results import Data
 
-_SHOWN = ("method", "IoU", "off by [m]", "thesis' IoU", "thesis' [m]", "p (IoU)", "p (off by)",
-          "objects", "precision", "recall", "F1")  # fmt: skip
-
 
 def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     """Map all drives by all methods, show what came of them, and save it."""
-    from hypermap.experiments.methods import OURS, chosen_methods
+    from hypermap.experiments.figures import made_with, to_data
+    from hypermap.experiments.methods import chosen_methods
     from hypermap.experiments.report import write_report
-    from hypermap.experiments.results import made_with, to_data
     from hypermap.experiments.tables import save_tables
     from hypermap.experiments.thesis_tables import tables_of
     from hypermap.formats.atomic import write_file
@@ -42,15 +39,20 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
         return
     for world in data["worlds"]:
         _show(world)
-    if OURS in methods:
-        say(f"p: that {OURS} is no better")
     say(f"\nreport   {output}\nfigures  {figures}\ntables   {tables_folder(output)}")
 
 
 def _show(world: Data) -> None:
-    from hypermap.experiments.thesis_tables import methods_table
+    from hypermap.experiments.methods import OURS
+    from hypermap.experiments.thesis_tables import gains_table, methods_table
 
-    show(methods_table(world).only(*_SHOWN))
+    show(methods_table(world))
+    if OURS in world["methods"] and len(world["methods"]) > 1:
+        show(
+            gains_table(world).only(
+                "method", "gain in IoU", "p (IoU)", "nearer by [m]", "p (nearer)"
+            )
+        )
     bound = world["bound"]
     say(
         f"found by the detector at all: {bound['detected']:.2f} of the objects, in two frames or "

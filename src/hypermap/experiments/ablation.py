@@ -7,12 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from hypermap.core.errors import HypermapError
 from hypermap.evaluation.metrics import Score
 from hypermap.evaluation.significance import Effect, effect_of
-from hypermap.experiments.results import WorldResult
+from hypermap.experiments.results import WorldResult, mean
 from hypermap.experiments.tables import Column, Interval, Table
 from hypermap.mapping.config import MappingConfig
 
@@ -128,7 +126,7 @@ def rows_of(results: Sequence[WorldResult]) -> list[Row]:
     return [
         Row(
             part,
-            {measure: _mean(values) for measure, values in figures[part].items()},
+            {measure: mean(values) for measure, values in figures[part].items()},
             {
                 measure: None if part == WHOLE else _change(values, figures[WHOLE][measure])
                 for measure, values in figures[part].items()
@@ -148,11 +146,6 @@ def _change(without: Sequence[float | None], whole: Sequence[float | None]) -> E
     pairs = zip(without, whole, strict=True)
     changes = [a - b for a, b in pairs if a is not None and b is not None]
     return effect_of(changes) if changes else None
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    defined = [value for value in values if value is not None]
-    return float(np.mean(defined)) if defined else None
 
 
 def tables_of(results: Sequence[WorldResult]) -> list[Table]:

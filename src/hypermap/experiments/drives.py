@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
+from hypermap.evaluation.pose_errors import PoseErrors, pose_errors
 from hypermap.experiments.methods import Method
 from hypermap.experiments.parallel import in_processes
 from hypermap.mapping.alignment import Aligner
@@ -55,12 +59,15 @@ class Mapped:
         frames: how many it had.
         objects: the objects of each method's map, by its name.
         sightings: how often the drive showed each true object, and its detections did.
+        poses: errors of the poses that each configuration was given, and of those that it mapped
+            from, by the method's name.
     """
 
     drive: SimulatedDrive
     frames: int
     objects: Mapping[str, tuple[SemanticObject, ...]]
     sightings: Sightings
+    poses: Mapping[str, tuple[PoseErrors, PoseErrors]] = field(default_factory=dict)
 
 
 def map_drive(drive: SimulatedDrive, methods: Mapping[str, Method]) -> Mapped:
@@ -78,7 +85,7 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, Method]) -> Mapped:
     )
     occupancy = recording.occupancy()
     assert occupancy is not None  # it has one by default
-    looks = _Looks(occupancy)
+    looks = _Looks(occupancy, recording.true_poses)
     runs = {
         name: _ConfiguredRun(method, occupancy, looks)
         if isinstance(method, MappingConfig)
@@ -90,14 +97,32 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, Method]) -> Mapped:
         for run in runs.values():
             run.add(frame)
     objects = {name: tuple(run.objects()) for name, run in runs.items()}
-    return Mapped(drive, len(recording), objects, recording.sightings)
+    poses = {
+        name: looks.pose_errors(method.alignment)
+        for name, method in methods.items()
+        if isinstance(method, MappingConfig)
+    }
+    return Mapped(drive, len(recording), objects, recording.sightings, poses)
+
+
+@dataclass(frozen=True)
+class _PoseOfFrame:
+    """What became of the pose of one frame."""
+
+    stamp: float
+    given: NDArray[np.float64]
+    used: NDArray[np.float64]
+    true: NDArray[np.float64]
 
 
 class _Looks:
     """What configurations have in common on one frame: its corrected pose and what it shows."""
 
-    def __init__(self, occupancy: OccupancyLayer) -> None:
+    def __init__(self, occupancy: OccupancyLayer, true_poses: NDArray[np.float64]) -> None:
         self._occupancy = occupancy
+        self._true_poses = true_poses
+        self._count = 0
+        self._poses: dict[AlignmentConfig, list[_PoseOfFrame]] = {}
         self._aligners: dict[AlignmentConfig, Aligner] = {}
         self._frames: dict[AlignmentConfig, RgbdFrame] = {}
         self._seen: dict[tuple[AlignmentConfig, PerceptionConfig], Observation] = {}
@@ -105,6 +130,7 @@ class _Looks:
     def turn_to(self, frame: RgbdFrame) -> None:
         """Forget the frame before."""
         self._frame = frame
+        self._count += 1
         self._frames.clear()
         self._seen.clear()
 
@@ -123,8 +149,20 @@ class _Looks:
         if config not in self._aligners:
             self._aligners[config] = Aligner(self._occupancy, config)
         if config not in self._frames:
-            self._frames[config] = self._aligners[config].align(self._frame)
+            frame = self._frames[config] = self._aligners[config].align(self._frame)
+            given, true = self._frame.map_T_camera, self._true_poses[self._count - 1]
+            pose = _PoseOfFrame(frame.stamp, given, frame.map_T_camera, true)
+            self._poses.setdefault(config, []).append(pose)
         return self._frames[config]
+
+    def pose_errors(self, config: AlignmentConfig) -> tuple[PoseErrors, PoseErrors]:
+        """Return the errors of the poses that were given, and of those that were mapped from."""
+        poses = self._poses.get(config, [])
+        stamps, true = [pose.stamp for pose in poses], [pose.true for pose in poses]
+        return (
+            pose_errors(stamps, [pose.given for pose in poses], true),
+            pose_errors(stamps, [pose.used for pose in poses], true),
+        )
 
 
 class _ConfiguredRun:

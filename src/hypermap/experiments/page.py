@@ -11,7 +11,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 70em; margin: 2em auto; padding: 0 1em;
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 76em; margin: 2em auto; padding: 0 1em;
        color: #1d2129; }
 h1, h2 { font-weight: 650; } h2 { margin-top: 2.5em; border-bottom: 1px solid #ccd; }
 table { border-collapse: collapse; margin: 1em 0; font-variant-numeric: tabular-nums; }

@@ -11,10 +11,25 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.evaluation.maps import map_objects
 from hypermap.experiments.methods import OURS
-from hypermap.experiments.page import page_of, picture_of, wide
+from hypermap.experiments.page import folded, page_of, picture_of, plot_of, wide
+from hypermap.experiments.plots import (
+    confusion_plot,
+    curves_plot,
+    groups_plot,
+    reliability_plot,
+)
 from hypermap.experiments.results import Data, WorldResult
 from hypermap.experiments.tables import html_of, number
-from hypermap.experiments.thesis_tables import class_table, methods_table, reliability_table
+from hypermap.experiments.thesis_tables import (
+    GROUPS,
+    class_table,
+    gains_table,
+    group_table,
+    methods_table,
+    poses_table,
+    recall_table,
+    reliability_table,
+)
 from hypermap.formats.atomic import write_file
 from hypermap.simulation import ground_truth
 from hypermap.viewer.comparison import render_comparison
@@ -37,11 +52,11 @@ def write_report(results: Sequence[WorldResult], data: Data, path: Path, command
         _why(),
     ]
     for result, world in zip(results, data["worlds"], strict=True):
-        parts += _world(result, world)
+        parts += _world(result, world, data["localization_limits"])
     write_file(path, page_of("the thesis' experiment", parts))
 
 
-def _world(result: WorldResult, world: Data) -> list[str]:
+def _world(result: WorldResult, world: Data, limits: Sequence[float]) -> list[str]:
     seeds, methods = world["seeds"], world["methods"]
     shown = [name for name in (OURS, "best shape, overlap") if name in methods]
     return [
@@ -50,11 +65,30 @@ def _world(result: WorldResult, world: Data) -> list[str]:
         f"to {seeds[-1]}) of {world['frames']} frames.</p>",
         _bound(world),
         wide(html_of(methods_table(world))),
+        *[wide(html_of(gains_table(world))) for name in methods if name == OURS],
+        plot_of(groups_plot(world), "What is found, by size, distance and number of detections"),
+        plot_of(curves_plot(world, limits), "How near objects are, and how good their shapes"),
+        wide(html_of(recall_table(world))),
+        wide(html_of(poses_table(world))),
         wide(html_of(class_table(world, "iou"))),
         wide(html_of(class_table(world, "distance"))),
-        *[_reliability(world, name) for name in methods if name == OURS],
+        *[folded(f"By {GROUPS[kind]}", wide(html_of(group_table(world, kind)))) for kind in GROUPS],
+        *[_ours(world) for name in methods if name == OURS],
         *[_picture(result, name) for name in shown],
     ]
+
+
+def _ours(world: Data) -> str:
+    """Return how far confidences and classes of our maps can be trusted."""
+    ours = world["methods"][OURS]
+    return "".join(
+        (
+            plot_of(reliability_plot(ours), f"{OURS}: share of true objects over confidence"),
+            html_of(reliability_table(world, OURS)),
+            f"<p class=note>Expected calibration error: {number(ours['calibration_error'])}.</p>",
+            plot_of(confusion_plot(ours), f"{OURS}: what is mapped in the place of true objects"),
+        )
+    )
 
 
 def _why() -> str:
@@ -75,12 +109,6 @@ def _bound(world: Data) -> str:
         f"finds {bound['detected']:.0%} of them by their class in at least one frame, "
         f"{bound['detected_twice']:.0%} in at least two: no method can recall more.</p>"
     )
-
-
-def _reliability(world: Data, name: str) -> str:
-    error = number(world["methods"][name]["calibration_error"])
-    table = html_of(reliability_table(world, name))
-    return f"{table}<p class=note>Expected calibration error: {error}.</p>"
 
 
 def _picture(result: WorldResult, method: str) -> str:

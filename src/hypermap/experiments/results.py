@@ -1,25 +1,20 @@
-"""The results of an experiment: figures per world, method and class, and their confidence."""
+"""The results of an experiment: its drives, and means over them."""
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from importlib.metadata import version
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap._version import __version__
 from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.average_precision import average_precision
 from hypermap.evaluation.metrics import Evaluation, evaluate
-from hypermap.evaluation.significance import effect_of, signed_rank
-from hypermap.experiments.calibration import Bin, calibration_error, judged, reliability
+from hypermap.experiments.calibration import Bin, judged, reliability
 from hypermap.experiments.drives import Mapped
-from hypermap.experiments.methods import OURS, PUBLISHED, Method, settings_of
-from hypermap.simulation import Errors, World
+from hypermap.simulation import World
 from hypermap.simulation.truth import true_objects
 
 Data = dict[str, Any]
@@ -90,13 +85,13 @@ class WorldResult:
         detections = [[score.detection[k] for score in scores] for k in range(2)]
         return {
             "objects": float(np.mean([score.estimated for score in scores])),
-            "matched_iou": _mean([score.iou for score in scores]),
+            "matched_iou": mean([score.iou for score in scores]),
             "at": [
                 {
                     "min_iou": column[0].min_iou,
-                    "precision": _mean([d.precision for d in column]),
-                    "recall": _mean([d.recall for d in column]),
-                    "f1": _mean([d.f1 for d in column]),
+                    "precision": mean([d.precision for d in column]),
+                    "recall": mean([d.recall for d in column]),
+                    "f1": mean([d.f1 for d in column]),
                     "duplicates": float(np.mean([d.duplicates for d in column])),
                     "false": float(np.mean([d.false for d in column])),
                 }
@@ -109,14 +104,20 @@ class WorldResult:
         drives = [mapped.sightings for mapped in self.mapped]
         return {
             "shown": float(np.mean([np.mean(drive.visible > 0) for drive in drives])),
-            "detected": _mean([drive.share() for drive in drives]),
-            "detected_twice": _mean([drive.share(at_least=2) for drive in drives]),
+            "detected": mean([drive.share() for drive in drives]),
+            "detected_twice": mean([drive.share(at_least=2) for drive in drives]),
         }
+
+    def maps(self, method: str) -> list[tuple[Sequence[SemanticObject], Sequence[SemanticObject]]]:
+        """Return the mapped and the true objects of each drive."""
+        return [
+            (mapped.objects[method], true_objects(mapped.drive.world).objects())
+            for mapped in self.mapped
+        ]
 
     def average_precision(self, method: str) -> dict[str, float | None]:
         """Return the average precision at each of `AP_THRESHOLDS`, over all drives at once."""
-        truths = [true_objects(mapped.drive.world).objects() for mapped in self.mapped]
-        maps = [(m.objects[method], truth) for m, truth in zip(self.mapped, truths, strict=True)]
+        maps = self.maps(method)
         return {f"{at:.2f}": average_precision(maps, at) for at in AP_THRESHOLDS}
 
     def reliability(self, method: str) -> tuple[Bin, ...]:
@@ -148,112 +149,7 @@ class WorldResult:
         return np.array([np.mean(gains[thing]) for thing in sorted(gains)])
 
 
-def to_data(results: Sequence[WorldResult]) -> Data:
-    """Return all figures as plain values, for JSON."""
-    return {
-        "worlds": [_world(result) for result in results],
-        "rule": (
-            "for every true object the estimated one of its class with the nearest centroid, "
-            "moved so that the centroids coincide (thesis, 2019); p: paired one-sided Wilcoxon "
-            f"signed-rank test of whether {OURS} is better, over true objects, each with its mean "
-            "over the drives; gain: their mean, with a bootstrap interval of 95 %"
-        ),
-    }
-
-
-def made_with(errors: Errors, methods: Mapping[str, Method]) -> Data:
-    """Return all that figures depend on besides worlds and seeds: versions and settings.
-
-    Args:
-        errors: of the drives.
-        methods: by name.
-    """
-    packages = ("numpy", "scipy", "shapely", "numba")
-    return {
-        "versions": {
-            "hypermap": __version__,
-            "python": platform.python_version(),
-            **{name: version(name) for name in packages},
-        },
-        "errors": _finite(asdict(errors)),
-        "methods": {name: _finite(settings_of(method)) for name, method in methods.items()},
-    }
-
-
-def _finite(data: Data) -> Data:
-    """Return settings with "inf" for infinite numbers, which JSON does not have."""
-    return {
-        key: _finite(value)
-        if isinstance(value, dict)
-        else "inf"
-        if value == float("inf")
-        else value
-        for key, value in data.items()
-    }
-
-
-def _world(result: WorldResult) -> Data:
-    drives = [mapped.drive for mapped in result.mapped]
-    return {
-        "world": result.world.name,
-        "objects": len(result.truth),
-        "seeds": [drive.seed for drive in drives],
-        "frames": result.mapped[0].frames,
-        "bound": result.bound(),
-        "drives": [_drive(result, place) for place in range(len(drives))],
-        "methods": {name: _method(result, name) for name in result.evaluations},
-    }
-
-
-def _drive(result: WorldResult, place: int) -> Data:
-    """Return what one drive shows, and what each method makes of it."""
-    mapped = result.mapped[place]
-    scores = {name: of[place].overall for name, of in result.evaluations.items()}
-    return {
-        "seed": mapped.drive.seed,
-        "frames": mapped.frames,
-        "detected": mapped.sightings.share(),
-        "detected_twice": mapped.sightings.share(at_least=2),
-        "methods": {
-            name: {
-                "iou": score.shape_iou,
-                "distance": score.shape_distance,
-                "at": [
-                    {"min_iou": d.min_iou, "precision": d.precision, "recall": d.recall, "f1": d.f1}
-                    for d in score.detection
-                ],
-            }
-            for name, score in scores.items()
-        },
-    }
-
-
-def _method(result: WorldResult, name: str) -> Data:
-    iou, distance = result.shape(name)
-    published = PUBLISHED.get((name, result.world.name))
-    bins = result.reliability(name)
-    data = {
-        "iou": iou,
-        "distance": distance,
-        "published": None if published is None else vars(published),
-        "classes": {
-            class_: dict(zip(("iou", "distance"), result.shape(name, class_), strict=True))
-            for class_ in result.classes()
-        },
-        **result.found(name),
-        "average_precision": result.average_precision(name),
-        "reliability": [vars(one) for one in bins],
-        "calibration_error": calibration_error(bins),
-    }
-    if name != OURS and OURS in result.evaluations:
-        for measure in ("iou", "distance"):
-            gains = result.gains(OURS, name, measure)
-            has_any = len(gains) > 0
-            data[f"p_{measure}"] = signed_rank(gains).p if has_any else None
-            data[f"gain_{measure}"] = vars(effect_of(gains)) if has_any else None
-    return data
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
+def mean(values: Sequence[float | None]) -> float | None:
+    """Return the mean of the defined values; None for none."""
     defined = [value for value in values if value is not None]
     return float(np.mean(defined)) if defined else None

@@ -87,6 +87,8 @@ def text_of(cell: Cell, column: Column) -> str:
     if cell is None:
         return NOT_DEFINED
     if isinstance(cell, Interval):
+        if cell.low == cell.high == 0:  # no drive differs
+            return f"{0:.{column.digits}f}"
         mean, low, high = (f"{v:+.{column.digits}f}" for v in (cell.mean, cell.low, cell.high))
         return f"{mean} ({low} to {high})"
     if not isinstance(cell, float):

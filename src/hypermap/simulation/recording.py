@@ -49,6 +49,7 @@ class SimulatedRecording:
         faults: the kind of fault of each bad frame, by the frame's number.
         sightings: how often each thing of the world was seen in the frames that were asked for
             last, whatever a fault made of them.
+        true_poses: the exact `map_T_camera` of each frame, shape (N, 4, 4).
     """
 
     def __init__(
@@ -111,7 +112,7 @@ class SimulatedRecording:
         self._renders_once = renders_once
         self._rendered: list[RgbdFrame] | None = None
         self._stamps, poses = planar_poses(world.drive, rate)
-        self._true_poses = camera_poses(poses, world.drive)
+        self.true_poses = camera_poses(poses, world.drive)
         self._estimated_poses = self._estimated(pose_noise or PoseNoise(), poses, world.drive)
         drawn = (draw_fault(bad_frames, self._rng(_FAULT, i)) for i in range(len(self)))
         self.sightings = Sightings.none(len(world.objects))
@@ -171,7 +172,7 @@ class SimulatedRecording:
         names = [thing.label for thing in self.world.objects]
         self.sightings = Sightings.none(len(names))
         for i, stamp in enumerate(self._stamps.tolist()):
-            pose = self._true_poses[i]
+            pose = self.true_poses[i]
             moving = self._people_at(stamp, pose)
             view = views.seen(pose, moving)
             measured = views.measured(
@@ -181,7 +182,7 @@ class SimulatedRecording:
                 detections = self._detector.detect(view.color)
             else:
                 detections = noisy.detect(view.instances, self._seen_falsely(places, view, i))
-            self.sightings.add(view.instances, detections, names)
+            self.sightings.add(view.instances, view.depth, detections, names)
             yield RgbdFrame(
                 stamp=stamp,
                 depth=self._depth_noise.measure(measured, self._rng(_DEPTH, i), dark),
@@ -202,13 +203,13 @@ class SimulatedRecording:
     def _false_places(self, views: Views) -> list[FalsePlace]:
         names = sorted({thing.label for thing in self.world.objects})
         count, rng = self._detector_noise.false_places, self._rng(_PLACES)
-        return draw_false_places(count, self._true_poses, views.seen, self.camera, names, rng)
+        return draw_false_places(count, self.true_poses, views.seen, self.camera, names, rng)
 
     def _seen_falsely(self, places: list[FalsePlace], view: Rendering, i: int) -> Detections | None:
         if not places:
             return None
         rate, rng = self._detector_noise.false_place_rate, self._rng(_FALSE, i)
-        return detect_false_places(places, self._true_poses[i], view, self.camera, rate, rng)
+        return detect_false_places(places, self.true_poses[i], view, self.camera, rate, rng)
 
     def _people_at(self, stamp: float, pose: FloatArray) -> Scene | None:
         """Return the people in the world at a time; None for nobody."""

@@ -28,33 +28,45 @@ class Sightings:
         visible: frames that show it, int64, shape (N,).
         detected: frames with a detection of it, by its own class, int64, shape (N,).
         mistaken: frames with a detection of it by another class alone, int64, shape (N,).
+        nearest: mean depth of its pixels in the frame that shows it from the nearest [m], inf if
+            none does, float64, shape (N,).
     """
 
     visible: IntArray
     detected: IntArray
     mistaken: IntArray
+    nearest: NDArray[np.float64]
 
     @classmethod
     def none(cls, count: int) -> Sightings:
         """Return those of no frame."""
-        return cls(*np.zeros((3, count), np.int64))
+        visible, detected, mistaken = np.zeros((3, count), np.int64)
+        return cls(visible, detected, mistaken, np.full(count, np.inf))
 
     def add(
-        self, instances: NDArray[np.int32], detections: Detections, names: Sequence[str]
+        self,
+        instances: NDArray[np.int32],
+        depth: NDArray[np.float32],
+        detections: Detections,
+        names: Sequence[str],
     ) -> None:
         """Count one frame.
 
         Args:
             instances: which thing each pixel shows, -1 for none, shape (H, W); things from N on
                 are not counted.
+            depth: of each pixel, without errors [m], shape (H, W).
             detections: what was found in it.
             names: the class of each thing, N of them.
         """
         count = len(names)
         known = np.where(instances < count, instances, -1)
-        pixels = np.bincount(known[known >= 0], minlength=count)
+        is_known = known >= 0
+        pixels = np.bincount(known[is_known], minlength=count)
         shown = np.flatnonzero(pixels >= _LEAST_PIXELS)
         self.visible[shown] += 1
+        depths = np.bincount(known[is_known], depth[is_known], minlength=count)
+        self.nearest[shown] = np.fmin(self.nearest[shown], depths[shown] / pixels[shown])
         if len(shown) == 0 or len(detections) == 0:
             return
         fits = _ious(visible_boxes(known, count)[shown], detections.xyxy) >= _SAME
