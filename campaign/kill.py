@@ -40,7 +40,6 @@ RANDOM_KILLS = 300
 _DISK_SIZES = (0, 1, 100, 1000, 4000)  # bytes
 NOTHING: frozenset[str] = frozenset()
 _SHORT = ("archive", "folder", "the page")
-_FEWEST = 3  # operations of a way, for each fault, however short the time is
 _SHORT_STEP = 7  # of the operations, in the short form, one in so many
 
 
@@ -170,7 +169,7 @@ class _Campaign:
         for done, (kind, work) in enumerate(kinds):
             before, of_kind = self._runs, self._budget.share(len(kinds) - done)
             for number, trial in enumerate(trials):
-                if self._budget.is_over:
+                if of_kind.is_over:
                     self._left_out[kind] += 1
                     continue
                 self._next = of_kind.share(len(trials) - number)
@@ -210,7 +209,7 @@ class _Campaign:
             yield from range(self._draw.randrange(_SHORT_STEP), count, _SHORT_STEP)
             return
         for done, number in enumerate(self._draw.sample(range(count), count)):
-            if self._budget.is_over or (self._next.is_over and done >= _FEWEST):
+            if done and self._next.is_over:
                 return
             yield number
 

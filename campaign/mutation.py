@@ -157,6 +157,50 @@ def mutate_png(data: bytes, draw: random.Random) -> bytes:
     )
 
 
+def mutate_jpeg(data: bytes, draw: random.Random) -> bytes:
+    """Change a segment of a JPEG, or repeat, move or remove it; lengths stay right."""
+    segments = _segments(data)
+    if not segments or draw.random() < 0.2:
+        return mutate_bytes(data, draw)
+    number = draw.randrange(len(segments))
+    marker, content, scan = segments[number]
+    kind = draw.randrange(6)
+    if kind == 0 and 0xC0 <= marker <= 0xCF and len(content) > 4:  # of the frame: its size
+        sizes = [struct.pack(">H", draw.choice([0, 1, 8, 4000, 8000, 65535])) for _ in range(2)]
+        segments[number] = marker, content[:1] + b"".join(sizes) + content[5:], scan
+    elif kind == 1:
+        segments[number:number] = segments[number : number + 1] * draw.choice([1, 3, 300])
+    elif kind == 2:
+        segments.insert(draw.randrange(len(segments)), segments.pop(number))
+    elif kind == 3:
+        segments[number] = draw.choice([0xC0, 0xC2, 0xC4, 0xDA, 0xDB, 0xE1]), content, scan
+    elif scan and kind == 4:
+        segments[number] = marker, content, mutate_bytes(scan, draw)
+    else:
+        segments[number] = marker, mutate_bytes(content, draw)[:65533], scan
+    parts = [
+        struct.pack(">BBH", 0xFF, marker, len(content) + 2) + content + scan
+        for marker, content, scan in segments
+    ]
+    return (b"\xff\xd8" + b"".join(parts) + b"\xff\xd9")[:MOST_BYTES]
+
+
+def _segments(data: bytes) -> list[tuple[int, bytes, bytes]]:
+    """Return the segments of a JPEG: marker, content, and the scan that follows it."""
+    found, at = [], 2
+    while data.startswith(b"\xff\xd8") and at + 4 <= len(data) and data[at] == 0xFF:
+        marker, length = data[at + 1], int.from_bytes(data[at + 2 : at + 4], "big")
+        end = at + 2 + max(length, 2)
+        scan_end = end
+        while marker == 0xDA and scan_end < len(data) - 1:
+            if data[scan_end] == 0xFF and data[scan_end + 1] not in (0, *range(0xD0, 0xD8)):
+                break
+            scan_end += 1
+        found.append((marker, data[at + 4 : end], data[end:scan_end]))
+        at = scan_end
+    return found
+
+
 def _chunks(data: bytes) -> list[tuple[bytes, bytes]]:
     found, at = [], len(_PNG)
     while data.startswith(_PNG) and at + 12 <= len(data):
@@ -172,6 +216,8 @@ def mutate_any(data: bytes, draw: random.Random) -> bytes:
         return mutate_archive(data, draw)
     if data.startswith(_PNG):
         return mutate_png(data, draw)
+    if data.startswith(b"\xff\xd8\xff"):
+        return mutate_jpeg(data, draw)
     if b"\0" in data[:200] or data.startswith(b"PAR1"):
         return mutate_bytes(data, draw)
     return mutate_text(data, draw)

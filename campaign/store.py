@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib.util
+import itertools
 import random
 import shutil
 import tempfile
@@ -241,7 +242,9 @@ def _pushes(budget: Budget) -> Result:
         tempfile.TemporaryDirectory(prefix="hypermap-push-") as work,
     ):
         pushed = PushedMap(server, Path(work))
-        while (done := sum(counts.values())) < len(_CUTS) if budget.short else not budget.is_over:
+        for done in itertools.count():
+            if done >= len(_CUTS) if budget.short else budget.is_over:
+                break
             cut = _CUTS[done % len(_CUTS)]
             problem = pushed.problem_after(cut, draw.uniform(0.0, 1.1))
             counts[cut] += 1

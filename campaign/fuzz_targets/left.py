@@ -9,14 +9,10 @@ from pathlib import Path
 
 from campaign.full_map import ATTACHED, full_map
 from campaign.fuzz_targets.target import Target, draw_of, target_of_files
-from campaign.mutation import Mutator, mutate_any, mutate_bytes, mutate_text
+from campaign.mutation import Mutator, mutate_bytes, mutate_text
 from campaign.questions import ask_everything
 from hypermap import HypermapError, NotesLayer, open_map, save_map
 from hypermap.formats.hmap import files_of_map, map_of_files
-from hypermap.notes import as_html, attachment_of_bytes
-from hypermap.viewer.live.attached import file_reply
-
-_HARMFUL = ("html", "svg", "xml", "script")
 
 
 def mapper_state(_: Path) -> Target:
@@ -76,46 +72,6 @@ def notes(folder: Path) -> Target:
         open_map(place / "again.hmap")
 
     return target_of_files(parts, read, folder)
-
-
-def media(_: Path) -> Target:
-    """A file that somebody attaches: its name in the first line, and its content."""
-
-    def ask(data: bytes) -> None:
-        name, _, content = data.partition(b"\n")
-        attached = attachment_of_bytes(content, name.decode(errors="surrogateescape"))
-        reply = file_reply(attached)
-        if any(word in reply.headers["content-type"] for word in _HARMFUL):
-            raise AssertionError(f"is sent as {reply.headers['content-type']}")
-        html = as_html(content[:4096].decode(errors="replace"))
-        if "<script" in html.lower() or 'href="javascript:' in html.lower():
-            raise AssertionError("a text became a program")
-
-    return Target(ask, [f"{name}\n".encode() + content for name, content in _files()], _mutate_file)
-
-
-def _files() -> list[tuple[str, bytes]]:
-    import io
-
-    import numpy as np
-    from PIL import Image
-
-    gray = Image.fromarray(np.arange(48, dtype=np.uint8).reshape(6, 8) * 5)
-    files = [("plan.svg", b"<svg onload='alert(1)'></svg>"), ("x.md", b"# A\n[b](http://c) `d`\n")]
-    for kind in ("PNG", "JPEG", "GIF", "WEBP"):
-        written = io.BytesIO()
-        gray.save(written, kind)
-        files.append((f"a.{kind.lower()}", written.getvalue()))
-    files.append(("a.wav", b"RIFF\x24\0\0\0WAVEfmt " + bytes(24)))
-    files.append(("a.mp4", b"\0\0\0\x18ftypisom" + bytes(24)))
-    return files
-
-
-def _mutate_file(data: bytes, draw: random.Random) -> bytes:
-    name, mark, content = data.partition(b"\n")
-    if draw.random() < 0.15:
-        return mutate_text(name, draw) + mark + content
-    return name + mark + mutate_any(content, draw)
 
 
 def _mutate_arrays(data: bytes, draw: random.Random) -> bytes:

@@ -40,7 +40,10 @@ def test_nothing_falls(part: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "target",
     # The others, which take their time to begin, are left to `make campaign`.
-    ["config", "map_server", "png", "semantic_yaml", "geojson", "wkt", "tum", "detections", "http"],
+    [
+        *("config", "map_server", "png", "semantic_yaml", "geojson", "wkt", "tum", "detections"),
+        *("http", "images", "job_files"),
+    ],
 )
 def test_a_little_fuzzing_finds_nothing(target: str, tmp_path: Path) -> None:
     from campaign.fuzz import fuzz

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 START_OF_JPEG = b"\xff\xd8\xff"
 """The first bytes of all JPEG files."""
 
+MOST_SCANS = 200
+"""How many scans a JPEG file may have: programs write a dozen, and each passes over all pixels."""
+
 MOST_PICTURES = 3
 """How many pictures are kept for an object."""
 
@@ -50,6 +53,14 @@ class ObjectPicture:
     def is_from_side(self, azimuth: float) -> bool:
         """Return whether it was taken from about that direction [rad]: within 45 degrees."""
         return abs((self.azimuth - azimuth + math.pi) % math.tau - math.pi) < _SAME_SIDE
+
+
+def scans_of(jpeg: bytes) -> int:
+    """Return how many scans a JPEG file, or a piece of one, has.
+
+    Thirty bytes are a scan of sixteen million pixels, so a small file can take minutes to decode.
+    """
+    return jpeg.count(b"\xff\xda")
 
 
 def best_pictures(pictures: Iterable[ObjectPicture]) -> tuple[ObjectPicture, ...]:

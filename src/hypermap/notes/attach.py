@@ -15,6 +15,7 @@ from PIL import Image
 from hypermap.core.errors import FileMissing, HypermapError, NoteError
 from hypermap.core.notes import Attachment
 from hypermap.core.notes_layer import INSIDE_UP_TO
+from hypermap.core.pictures import MOST_SCANS, scans_of
 from hypermap.notes.media_types import HEAD, OTHER, claimed_kind, described, media_type_of
 
 MAX_BYTES = 16 << 30
@@ -76,7 +77,7 @@ def _attachment(file: BinaryIO, size: int, name: str, content: bytes | Path) -> 
         )
     if media_type.startswith("image/"):
         file.seek(0)
-        _check_picture(file, name)
+        _check_picture(file, name, media_type)
     file.seek(0)
     digest = hashlib.sha256()
     while piece := file.read(_PIECE):
@@ -91,8 +92,12 @@ def _plain(name: str) -> str:
     return line[-_LONGEST_NAME:] or "file"
 
 
-def _check_picture(file: BinaryIO, name: str) -> None:
+def _check_picture(file: BinaryIO, name: str, media_type: str) -> None:
     """Raise a NoteError unless a picture can be shown."""
+    if media_type == "image/jpeg":
+        if sum(map(scans_of, iter(lambda: file.read(_PIECE), b""))) > MOST_SCANS:
+            raise NoteError(f"{name}: the picture has more than {MOST_SCANS} scans; save it again")
+        file.seek(0)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about size, which is checked here, and oddities

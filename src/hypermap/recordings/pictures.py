@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.pictures import MOST_SCANS, START_OF_JPEG, scans_of
 from hypermap.formats.atomic import is_folder
 from hypermap.formats.store import open_file
 
@@ -92,6 +93,8 @@ def depth_in_meters(integers: NDArray[np.uint16], units_per_meter: float) -> NDA
 @contextmanager
 def _opened(content: bytes) -> Iterator[Image.Image]:
     """Yield an image of limited size; any damage becomes a FormatError."""
+    if content.startswith(START_OF_JPEG) and (scans := scans_of(content)) > MOST_SCANS:
+        raise FormatError(f"the picture has {scans} scans; at most {MOST_SCANS} are read")
     try:
         with Image.open(io.BytesIO(content)) as image:
             if image.width * image.height > MAX_PIXELS:

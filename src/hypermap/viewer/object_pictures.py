@@ -7,7 +7,7 @@ import io
 from PIL import Image
 
 from hypermap.core.errors import FormatError
-from hypermap.core.pictures import ObjectPicture
+from hypermap.core.pictures import MOST_SCANS, ObjectPicture, scans_of
 
 _MOST_PIXELS = 1 << 24  # of what is a crop of a camera's image
 
@@ -16,8 +16,10 @@ def image_of(picture: ObjectPicture) -> Image.Image:
     """Return a picture as an RGB image.
 
     Raises:
-        FormatError: If the JPEG file is damaged or too large.
+        FormatError: If the JPEG file is damaged or too large, or has too many scans.
     """
+    if (scans := scans_of(picture.jpeg)) > MOST_SCANS:
+        raise FormatError(f"the picture has {scans} scans; at most {MOST_SCANS} are read")
     try:
         with Image.open(io.BytesIO(picture.jpeg), formats=["JPEG"]) as image:
             if image.width * image.height > _MOST_PIXELS:

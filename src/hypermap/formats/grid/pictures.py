@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.pictures import MOST_SCANS, START_OF_JPEG, scans_of
 from hypermap.formats.grid.budget import check_cells
 
 # Not EPS, for which Pillow runs another program, nor formats with several images.
@@ -58,8 +59,10 @@ def decode_gray(content: bytes, path: str) -> GrayPicture:
         path: how messages name it.
 
     Raises:
-        FormatError: If it is not a picture, is damaged, or has more pixels than are allowed.
+        FormatError: If it is not a picture, is damaged, or has too many pixels or scans.
     """
+    if content.startswith(START_OF_JPEG) and (scans := scans_of(content)) > MOST_SCANS:
+        raise FormatError(f"has {scans} scans; at most {MOST_SCANS} are read", path=path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about size, which is checked below, and oddities
