@@ -55,7 +55,7 @@ class Looking:
     axis, counterclockwise.
 
     Args:
-        current: returns the map as it is now.
+        current: returns the present map.
         robot_radius: of the robot that paths are for [m].
         taxonomy: a file of more names of objects.
     """

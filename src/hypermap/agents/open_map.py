@@ -32,7 +32,7 @@ class OpenMap:
         self._lock = threading.RLock()
 
     def current(self) -> Hypermap:
-        """Return the map as it is now; the last one that could be read, if the file is damaged."""
+        """Return the present map; the last one that could be read, if the file is damaged."""
         with self._lock:
             self._document.look()
             if self._document.file.state == "changed":

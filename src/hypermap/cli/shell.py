@@ -53,7 +53,7 @@ def command(
 
 
 def _describe_evidence(hypermap: Hypermap, layer: str, number: int) -> dict[str, Any]:
-    """Return the evidence for an object; what finds it is loaded when it is asked for."""
+    """Return the evidence for an object; its code is loaded on demand."""
     from hypermap.viewer.live.object_evidence import describe_evidence
 
     return describe_evidence(hypermap, layer, number)

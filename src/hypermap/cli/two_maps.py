@@ -1,4 +1,4 @@
-"""How one map lies on another, for commands that take two."""
+"""How one map is aligned with another, for commands that take two."""
 
 from __future__ import annotations
 

@@ -82,14 +82,14 @@ def _ranges(rows: Sequence[Row]) -> list[str]:
 
 
 def plain(answer: Shown) -> str:
-    """Return an answer as lines whose columns stand below one another."""
+    """Return an answer as lines with aligned columns."""
     lines = aligned([answer.columns, *answer.rows], answer.texts) if answer.rows else []
     more = [f"and {answer.left_out} more; --json lists all"] if answer.left_out else []
     return "\n".join([*lines, *more, *answer.counts])
 
 
 def aligned(table: Sequence[Sequence[str]], texts: int) -> list[str]:
-    """Return a line for each row; columns of `texts` stand at the left, those of numbers after."""
+    """Return a line for each row: the first `texts` columns left-aligned, the rest right-aligned."""
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = []
     for row in table:

@@ -52,7 +52,7 @@ class ConsoleCompleter(Completer):
         return _STATES if layer is not None else ()
 
     def _values(self, option: str) -> Iterable[str]:
-        """Return what may stand behind an option of a question."""
+        """Return the possible values of a query's option."""
         hypermap = self._console.hypermap
         if option == "--layer":
             return [layer.name for layer in hypermap]

@@ -205,7 +205,7 @@ def _thing_or_point(hypermap: Hypermap, text: str, frame: _Frame) -> Reference:
 
 
 def _count(given: Options) -> int | None:
-    """Return how many of the nearest are asked for; None for all objects."""
+    """Return how many of the nearest are wanted; None for all objects."""
     if given.get("--like") is not None:
         return None
     most: int | None = given.get("-k")

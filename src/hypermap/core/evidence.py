@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray
 
-_FAR = 1e9  # meters; as far as objects may lie
+_FAR = 1e9  # meters; the farthest place of an object
 _DECIMALS = 4  # of meters
 _SCORE_DECIMALS = 6
 _POSE_DECIMALS = 9

@@ -28,7 +28,7 @@ AT_ONCE = 1 << 19
 
 @dataclass(frozen=True)
 class GridGeometry:
-    """Where the cells of a grid lie in a layer's frame.
+    """The geometry of a grid in a layer's frame.
 
     Cell (row 0, col 0) is the lower left one; columns grow along the x axis of the origin, rows
     along its y axis. A cell's location is its center.

@@ -19,7 +19,7 @@ class Samples:
         values: what it measured, float64, shape (N,), in its unit. Where nothing was heard it is
             the limit that the value lies below.
         is_below: whether a value is such a limit, shape (N,).
-        stamps: when it was measured, float64, shape (N,) [s]; NaN where nobody knows.
+        stamps: when it was measured, float64, shape (N,) [s]; NaN if unknown.
     """
 
     points_xy: NDArray[np.float64]

@@ -39,7 +39,7 @@ class ValueSummary:
         mean: of the cells.
         least: the smallest value.
         most: the largest value.
-        share: of the cells with a value, which have one within the limits that were asked for.
+        share: of the cells with a value, whose value is within the limits of the query.
     """
 
     count: int
@@ -56,7 +56,7 @@ class ValueLayer(Layer):
     rounded number with its unit, as "21.5 °C", or "Unknown".
 
     Attributes:
-        grid: where the cells lie; None while the layer is empty.
+        grid: geometry of the cells; None while the layer is empty.
         cells: float32, shape (height, width), read-only; None while the layer is empty.
         unit: of cells, deviations and samples, as labels show it.
         decimals: how many of them labels show.

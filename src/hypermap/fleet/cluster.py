@@ -197,7 +197,7 @@ def _kept_signals() -> Iterator[None]:
 
 
 def _check_reachable(address: str) -> None:
-    """Raise a HypermapError if nobody answers at a host and port; Ray would try for a minute."""
+    """Raise a HypermapError if nothing answers at a host and port; Ray would try for a minute."""
     if address in (LOCAL, "auto"):
         return
     host, colon, port = address.removeprefix("ray://").strip("/").rpartition(":")

@@ -98,7 +98,7 @@ class _Kept(logging.Handler):
 
 @contextmanager
 def _kept_warnings() -> Iterator[list[str]]:
-    """Yield what is logged, which nobody sees here."""
+    """Yield log messages, which are not shown in this process."""
     logger, handler = logging.getLogger("hypermap"), _Kept()
     logger.addHandler(handler)
     try:

@@ -177,7 +177,7 @@ class _Worker:
 
 
 def _work(connection: Connection) -> None:
-    """Run functions until nobody is there to ask."""
+    """Run functions until the parent process is gone."""
     for number in (signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGINT)):
         signal.signal(number, signal.SIG_IGN)  # they go to all processes of a terminal
     with contextlib.suppress(EOFError, OSError):

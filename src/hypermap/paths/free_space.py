@@ -32,7 +32,7 @@ class FreeSpace:
 
     Attributes:
         frame_id: of all points.
-        grid: where the cells lie.
+        grid: geometry of the cells.
         cost: of a meter in each cell, 1 or more; infinite where the robot cannot be: float32, shape
             (height, width).
         occupied: the occupied cells, regardless of the robot, of the same shape.

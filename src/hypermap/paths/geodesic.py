@@ -15,7 +15,7 @@ from hypermap.paths.cones import SOURCE, Cones, Reached, Search, look, root_of, 
 from hypermap.paths.heap import empty_heap, pop
 from hypermap.paths.strips import Strips
 
-_AROUND = 2.0  # cells beyond the goal up to which the search goes on
+_AROUND = 2.0  # cells beyond the goal up to which the search continues
 
 
 def reach(

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 STAND_OFF = 0.6
-"""So far from an object a robot stands to look at it [m], if nobody says."""
+"""Default distance from which a robot looks at an object [m]."""
 
 
 @dataclass(frozen=True)

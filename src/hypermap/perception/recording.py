@@ -138,7 +138,7 @@ class SameRecording:
 
     @property
     def path(self) -> Path:
-        """Where it lies."""
+        """Its path."""
         return self._recording.path
 
     @property

@@ -79,7 +79,7 @@ class Answer:
 
     @property
     def count(self) -> int:
-        """How many there are: of the rooms if these are asked for, else of objects and cells."""
+        """The number of rooms if these are wanted, else of objects and cells."""
         if self.query.asks_rooms and not self.query.counts_each_room:
             return len(self.rooms)
         return len(self.found) + len(self.cells)
@@ -244,7 +244,7 @@ class _Asking:
         return value_in(self._hypermap, layer, self._area())
 
     def _nearest_of(self, found: Matches, cells: list[Cell]) -> tuple[Matches, list[Cell]]:
-        """Return the nearest of objects and cells together, if these are asked for."""
+        """Return the nearest of objects and cells together, if these are wanted."""
         if self._query.which != "nearest" or not cells:
             return found, cells
         own = np.zeros(0) if found.distances is None else found.distances
@@ -296,7 +296,7 @@ class _Asking:
     # Objects
 
     def _found(self, layers: Sequence[Layer]) -> Matches:
-        """Return the objects that are asked for."""
+        """Return the objects of the answer."""
         query = self._query
         found = self._finder.objects(query.names, query.where, layers if query.layers else None)
         if query.ids or query.value is not None:
@@ -334,7 +334,7 @@ class _Asking:
     # Which of them
 
     def _chosen(self, found: Matches) -> Matches:
-        """Return those that are asked for, of all that meet the conditions."""
+        """Return the chosen ones of all that meet the conditions."""
         query = self._query
         is_later = query.which in ("highest", "lowest", *OF_COUNTS)  # when there are numbers
         if query.give == "distance" or query.which in ("nearest", "farthest"):

@@ -29,7 +29,7 @@ class Cell:
         label: in words.
         value: as a number; None where there is none.
         point_xy: in the base frame [m], shape (2,).
-        distance: from where distances are measured [m]; None if nothing asked for them.
+        distance: where distances are measured from [m]; None if they are not wanted.
         more: of measured values: `unit`, `deviation`, `stamp`, `area` [m^2], `outline` (WKT).
             Of notes: `note`.
     """

@@ -24,7 +24,7 @@ def is_foreign(unknown: Sequence[str], is_any_known: bool) -> bool:
     """Return whether a question seems to be in another language than English.
 
     Args:
-        unknown: the words of the question that nobody knows.
+        unknown: the unknown words of the question.
         is_any_known: whether there are others.
 
     >>> is_foreign(["wo", "ist", "die", "tasse"], False), is_foreign(["hay"], True)

@@ -17,7 +17,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Matches
 
-_TOUCHING = 0.15  # [m] between what stands on an object and that object's top, as they are measured
+_TOUCHING = 0.15  # [m] between an object and the top of the one below it, as measured
 _AT_ONCE = 1000  # objects are compared with all others, so that memory stays bounded
 
 

@@ -344,7 +344,7 @@ def tokens_of(text: str, vocabulary: Vocabulary) -> list[Token]:
 
 
 def _lists(tokens: list[Token]) -> bool:
-    """Return whether a comma stands between the names of two things."""
+    """Return whether there is a comma between the names of two things."""
     return [token.type for token in tokens] == ["THING", "OR", "THING"]
 
 

@@ -22,7 +22,7 @@ def doors_between(
     Args:
         labels: shape (height, width), from 1; 0 where there is no room.
         walls: of the same shape.
-        grid: where the cells lie.
+        grid: geometry of the cells.
 
     Returns:
         In the order of the ids. A passage is as wide as the widest disc that passes between the

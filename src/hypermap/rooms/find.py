@@ -35,7 +35,7 @@ _DOOR = 1.6  # [m] a narrower passage may be a door even without corners of wall
 _RAY = 0.3  # [m] free strips thinner than this and longer than wide come from single rays
 _CORNER = 0.3  # [m] so far from wider places it is a corner of these
 _ALONG = np.linspace(0.15, 0.85, 9)  # where the sides of a line are sampled, from end to end
-_BESIDE = 2.0  # cells from a line to what lies on either side of it
+_BESIDE = 2.0  # cells from a line to the places on either side of it
 _STRAIGHT = 1.5  # cells by which outlines are simplified, about
 
 
@@ -58,7 +58,7 @@ def find_rooms(
         occupancy: the grid.
         settings: what a room is.
         objects: the objects in the rooms, in the layer's frame: they decide the kinds of rooms, and
-            where they stand is no wall.
+            their places are no walls.
         kinds: the table of kinds; None for ours.
         previous: rooms that were found before, in the same frame: where they overlap, ids and names
             given by hand are kept.

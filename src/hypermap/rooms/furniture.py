@@ -26,12 +26,12 @@ def without_furniture(
     Args:
         free: shape (height, width).
         outlines: of the objects, in the layer's frame.
-        grid: where the cells lie.
+        grid: geometry of the cells.
     """
     result = free.copy()
     standing = [outline for outline in outlines if not outline.is_empty]
     count = -1
-    while len(standing) != count:  # what stands between two others is found once these are gone
+    while len(standing) != count:  # objects between two others are found once these are removed
         count = len(standing)
         standing = [outline for outline in standing if not _cleared(result, free, outline, grid)]
     return result

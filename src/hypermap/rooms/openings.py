@@ -13,21 +13,21 @@ from shapely.geometry import Polygon
 from hypermap.core.arrays import ObjectArray
 
 _TURN = math.radians(30)  # a corner that turns less is none
-_IN_LINE = math.radians(20)  # a wall that turns less goes on through the gap
+_IN_LINE = math.radians(20)  # a wall that turns less continues across the gap
 _ACROSS = math.radians(75)  # less from a wall runs along that wall and is not a gap
 
 
 def openings(area: Polygon, tolerance: float, longest: float, wall: float) -> NDArray[np.float64]:
     """Return lines through free space from one corner of walls to another.
 
-    One of the two walls at least goes on in the line; the shortest lines come first, and none
+    At least one of the two walls continues in the line; the shortest lines come first, and none
     crosses another.
 
     Args:
         area: the free space, any unit.
         tolerance: what of the walls is noise.
         longest: no line is longer.
-        wall: a wall that goes on in the line is at least so long.
+        wall: least length of a wall that continues in the line.
 
     Returns:
         Both ends (x, y) of each, shape (N, 2, 2).

@@ -22,7 +22,7 @@ _LARGE = 4.0  # [m^2] what is smaller and no room is part of what it opens to, a
 _LONG = 2.5  # times its width is a corridor's length at least
 _DOOR = 0.85  # of the narrower side's width is a door at most
 _BOTTLENECK = 0.65  # of the narrower corridor's width is a passage between corridors at most
-_ALIKE = 0.9  # of each other's width is where a corridor goes on
+_ALIKE = 0.9  # least ratio of widths where a corridor continues
 _SAME = 1.1  # of a gap's width is what it is measured as at most
 _HALL = 2.5  # times a corridor's width is a hall's, of which the corridor is no part
 
@@ -35,7 +35,7 @@ class Passage:
         one: number of a piece.
         other: likewise.
         width: meters.
-        in_wall: whether it is a gap in a wall that goes on at both sides.
+        in_wall: whether it is a gap in a wall that continues on both sides.
     """
 
     one: int
@@ -96,7 +96,7 @@ class Pieces:
         )
 
     def _goes_on(self, a: int, b: int, width: float) -> bool:
-        """Return whether a corridor goes on in the other piece, as wide as before."""
+        """Return whether a corridor continues in the other piece, with the same width."""
         widths = [2 * self.clear[piece] for piece in (a, b)]
         alike = all(_ALIKE * own <= width <= own / _ALIKE for own in widths)
         return alike and max(map(self._length, (a, b))) >= _LONG
@@ -142,7 +142,7 @@ class Pieces:
     # What a piece is
 
     def _is_room(self, piece: int) -> bool:
-        """Return whether a piece is a room by its shape, though it may stand open."""
+        """Return whether a piece is a room by its shape, even if it is open."""
         return (
             self.area[piece] >= _ROOM
             and self._length(piece) < _LONG

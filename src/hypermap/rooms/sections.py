@@ -7,8 +7,8 @@ import numpy as np
 from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray, FloatArray
 
-_REACH = 2.0  # [m] sections lie so far to either side of a line, or as far as it is long
-_ALIKE = 0.15  # of a line's length may a wall lie off the place where it would go straight on
+_REACH = 2.0  # [m] distance of sections to either side of a line, or its length
+_ALIKE = 0.15  # of a line's length; tolerance for a wall that continues straight
 _SLANTS = np.tan(np.radians([0.0, -15.0, 15.0, -30.0, 30.0]))  # of a corridor to a line across it
 _GOES_ON = 0.5  # [m] of wall next to a gap in it
 _SECTIONS = 10  # to each side
@@ -16,7 +16,7 @@ _STEP = 0.5  # cells from place to place in a section
 
 
 def across_corridors(lines: FloatArray, walls: BoolArray, side: float) -> BoolArray:
-    """Return which lines lie across a place whose walls go on to both sides, as a corridor's do.
+    """Return which lines cross a place whose walls continue on both sides, such as a corridor.
 
     Beside each end of such a line, and to both sides of it, a wall is where it would be if it went
     straight on, in at least half of the cross-sections: doors of a corridor may take the rest.
@@ -33,7 +33,7 @@ def across_corridors(lines: FloatArray, walls: BoolArray, side: float) -> BoolAr
 
 
 def gaps_in_walls(lines: FloatArray, walls: BoolArray, side: float) -> BoolArray:
-    """Return which lines fill a gap in a wall: it goes on at both ends, for half a meter at least.
+    """Return which lines fill a gap in a wall: it continues at both ends for at least half a meter.
 
     Arguments are those of `across_corridors`.
     """
@@ -61,12 +61,12 @@ def look(
     slants: FloatArray,
     found: BoolArray,
 ) -> int:
-    """Fill in which lines lie across a corridor; return how many there are.
+    """Fill in which lines cross a corridor; return how many there are.
 
     Args:
         lines: both ends (x, y) in cells, shape (N, 2, 2).
         walls: shape (height, width).
-        reach: how far sections lie to either side of a line, at least, in cells.
+        reach: least distance of sections to either side of a line [cells].
         slants: tangents of the angles, against the right one, at which a corridor may be crossed.
         found: shape (N,), to be filled.
     """

@@ -1,4 +1,4 @@
-"""Splits a room along a line that somebody draws."""
+"""Splits a room along a line drawn by hand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hypermap.rooms.rooms import Door, Room, Rooms, door_order
 
 _REACH = 0.5  # [m] how far a line that ends in the room is extended, to reach the wall
 _STEP = 0.02  # [m] between the points of a cut at which its width is measured
-_SAME = 1e-6  # [m] what is nearer to an edge lies on it
+_SAME = 1e-6  # [m] a point that is nearer to an edge is on it
 
 
 def split_room(rooms: Rooms, number: int, line: LineString, new_id: int) -> Rooms:
@@ -82,7 +82,7 @@ def _parts(room: Room, line: LineString) -> tuple[BaseGeometry, BaseGeometry]:
 
 
 def _extended(line: LineString, outline: BaseGeometry) -> LineString:
-    """Return a line whose ends are moved on where they lie in an outline."""
+    """Return a line whose ends are extended while they are inside an outline."""
     points = shapely.get_coordinates(shapely.remove_repeated_points(line))
     if line.length == 0:
         return line
@@ -94,7 +94,7 @@ def _extended(line: LineString, outline: BaseGeometry) -> LineString:
 
 
 def _shared_edge(one: BaseGeometry, other: BaseGeometry) -> list[LineString]:
-    """Return where two parts meet: several lines where a column stands between them."""
+    """Return where two parts meet: several lines if there is a column between them."""
     edges = [part for part in shapely.get_parts(one.intersection(other)) if part.length > 0]
     return list(shapely.get_parts(shapely.line_merge(shapely.MultiLineString(edges))))
 

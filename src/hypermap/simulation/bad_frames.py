@@ -68,7 +68,7 @@ def _frozen(frame: RgbdFrame, before: RgbdFrame, _rng: np.random.Generator) -> R
 
 
 def _turned(frame: RgbdFrame, _before: RgbdFrame, _rng: np.random.Generator) -> RgbdFrame:
-    """The camera hangs upside down, and nobody has said so."""
+    """The camera is mounted upside down, without a setting for it."""
     seen, width, height = frame.detections, frame.camera.width, frame.camera.height
     if seen is not None:
         xmin, ymin, xmax, ymax = seen.xyxy.T

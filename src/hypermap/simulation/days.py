@@ -19,7 +19,7 @@ _TRIES = 60  # places that are tried for each change; then there is none
 _MOVES = (0.3, 5.0)  # [m] by which things are moved
 _SAME_SIZE = 0.05  # share by which things that are swapped differ at most
 _DOOR = {"length": 0.06, "height": 2.0}  # of a closed door [m]
-_MAX_GROUP = 3  # things that are moved or removed at once, as a table with what stands on it
+_MAX_GROUP = 3  # things that are moved or removed at once, such as a table with the objects on it
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class DailyChanges:
     """How many changes there are from one day to the next, of each kind, if there is room.
 
     Attributes:
-        moved: groups of things, such as a table with what stands on it.
+        moved: groups of things, such as a table with the objects on it.
         removed: the same.
         added: copies of things that are there, at other places.
         swapped: pairs of things of one class and size that change places.
@@ -84,7 +84,7 @@ class DailyChanges:
 def next_day(day: Day, seed: int, counts: DailyChanges | None = None) -> Day:
     """Return the world a day later.
 
-    Nothing comes to stand in anything else, in the robot's way or off the floor. No thing changes
+    Nothing ends up inside anything else, in the robot's way or above the floor. No thing changes
     twice.
 
     Args:
@@ -149,7 +149,7 @@ class _Draft:
         return True
 
     def move(self) -> bool:
-        """Move a thing, with what stands on it."""
+        """Move a thing, with the things on it."""
         room = self._room
         group = self._unchanged(room)
         if not 1 <= len(group) <= _MAX_GROUP:
@@ -166,7 +166,7 @@ class _Draft:
         return True
 
     def remove(self) -> bool:
-        """Take a thing away, with what stands on it."""
+        """Remove a thing, with the things on it."""
         group = self._unchanged(self._room)
         if not 1 <= len(group) <= _MAX_GROUP:
             return False
@@ -220,7 +220,7 @@ class _Draft:
         return thing not in {change.thing for change in self._changes}
 
     def _unchanged(self, room: Room) -> list[int]:
-        """Return a thing on the floor, with what stands on it, if nothing happened to it yet."""
+        """Return a thing on the floor, with the things on it, if it is unchanged so far."""
         group = room.group_of(int(self._rng.integers(len(room.objects))))
         changed = {change.thing for change in self._changes}
         return [] if any(self._things[i] in changed for i in group) else group

@@ -249,7 +249,7 @@ def _smooth_noise(shape: tuple[int, ...], length: float, rng: np.random.Generato
 
 
 def _quantile(share: float) -> float:
-    """Return below which number a share of normal deviates lies."""
+    """Return the quantile of the normal distribution for a share."""
     return float(scipy.special.ndtri(share))
 
 

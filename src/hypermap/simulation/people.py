@@ -20,7 +20,7 @@ _ASIDE = 0.8  # meters from the camera within which they have stepped out of the
 
 @dataclass(frozen=True)
 class Walker:
-    """Somebody who walks to and fro along the robot's way, where nothing stands.
+    """A person who walks back and forth along the robot's path, where it is free.
 
     Attributes:
         way: the waypoints of the drive [m].

@@ -38,7 +38,7 @@ _PERSON = 1.75  # meters
 
 
 class SimulatedRecording:
-    """Fulfills `Recording`; frames are rendered when they are asked for.
+    """Fulfills `Recording`; frames are rendered on demand.
 
     The same arguments always give the same frames. A larger share of bad frames adds more of them,
     and does not change the good ones.
@@ -212,7 +212,7 @@ class SimulatedRecording:
         return detect_false_places(places, self.true_poses[i], view, self.camera, rate, rng)
 
     def _people_at(self, stamp: float, pose: FloatArray) -> Scene | None:
-        """Return the people in the world at a time; None for nobody."""
+        """Return the people in the world at a time; None for none."""
         first = len(self.world.objects)
         here = walkers_at(self._walkers, stamp, pose[:2, 3])
         return Scene.of_things((first + n, one) for n, one in here) if here else None

@@ -76,7 +76,7 @@ def _bodies_of(things: Iterable[tuple[int, WorldObject]]) -> list[_Body]:
 
 
 def placed(thing: WorldObject) -> tuple[Part, ...]:
-    """Return the parts of a thing where it stands, map frame."""
+    """Return the parts of a thing in the map frame."""
     return thing.parts()
 
 
@@ -123,7 +123,7 @@ def projection(part: Part) -> BaseGeometry:
 
 
 def _solid_pieces(wall: Wall, direction: Pose2D, length: float) -> list[tuple[float, float]]:
-    """Return from where to where a straight piece of wall stands, along its direction [m].
+    """Return begin and end of a straight piece of wall along its direction [m].
 
     It reaches half a thickness past both corners, so that corners are closed.
     """

@@ -1,4 +1,4 @@
-"""What stands on what, in what, or hangs in the air."""
+"""Which things are on or in others, or in the air."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from hypermap.simulation.scene import placed, projection, wall_parts
 from hypermap.simulation.world import World
 
 _TOUCH = 1e-3  # meters by which two things may overlap where they touch
-_GAP = 0.02  # meters between a thing and what it stands on, as between a seat and a sitter
+_GAP = 0.02  # meters between a thing and its support, as between a seat and a person
 _WALL_GAP = 0.15  # meters between a wall and what hangs at it
-_IN_WALL = 0.35  # share of a thing that may lie in walls, as where outlines are drawn by hand
+_IN_WALL = 0.35  # share of a thing that may be inside walls, because outlines are drawn by hand
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Body:
         return any(a.hits(b) for a in self.solids for b in other.solids)
 
     def stands_on(self, other: Body) -> bool:
-        """Return whether one part of the other ends where this begins, and lies below it."""
+        """Return whether one part of the other ends where this begins, and is below it."""
         return any(
             abs(solid.top - self.bottom) <= _GAP and solid.outline.intersects(self.outline)
             for solid in other.solids
@@ -84,7 +84,7 @@ class Body:
         return is_level and bool(self.outline.distance(wall.outline) <= _WALL_GAP)
 
     def share_in(self, walls: list[Body]) -> float:
-        """Return how much of this lies in walls."""
+        """Return the share of this in walls."""
         shared = [
             a.outline.intersection(b.outline)
             for wall in walls
@@ -108,7 +108,7 @@ def walls_of(world: World) -> list[Body]:
 
 
 def overlaps(world: World) -> list[tuple[int, int]]:
-    """Return the pairs of things of which some parts stand in each other."""
+    """Return the pairs of things with intersecting parts."""
     bodies = bodies_of(world)
     outlines = np.array([body.outline for body in bodies])
     left, right = shapely.STRtree(outlines).query(outlines, predicate="intersects")
@@ -117,13 +117,13 @@ def overlaps(world: World) -> list[tuple[int, int]]:
 
 
 def in_walls(world: World) -> list[int]:
-    """Return the things of which a large part stands in walls."""
+    """Return the things with a large part inside walls."""
     walls = walls_of(world)
     return [i for i, body in enumerate(bodies_of(world)) if body.share_in(walls) > _IN_WALL]
 
 
 def bases(world: World) -> list[int | None]:
-    """Return what each thing stands on: a thing, itself for floor and walls, None for nothing."""
+    """Return the support of each thing: a thing, itself for floor and walls, None for none."""
     bodies, walls = bodies_of(world), walls_of(world)
     return [_base(i, bodies, walls) for i in range(len(bodies))]
 

@@ -35,7 +35,7 @@ def monitor(
 def person(
     color: str = "#3f6f9f", *, height: float = 1.75, width: float = 0.46
 ) -> tuple[Part, ...]:
-    """Somebody who stands: legs, trunk, arms and head."""
+    """A standing person: legs, trunk, arms and head."""
     hip, shoulder, head = height * 0.48, height * 0.83, height * 0.075
     trunk, arm = width * 0.34, width * 0.09
     skin, trousers = "#d9a98c", "#3b3f4a"
@@ -119,7 +119,7 @@ def fan(color: str = "#e6e9ea", *, width: float = 0.32, height: float = 0.42) ->
 def sitter(
     color: str = "#8a4f3d", *, length: float = 0.75, width: float = 0.44, height: float = 0.85
 ) -> tuple[Part, ...]:
-    """Somebody from the seat upwards: thighs, trunk, arms and head; the back is at -x."""
+    """A sitting person from the seat up: thighs, trunk, arms and head; the back is at -x."""
     skin, trousers = "#d9a98c", "#3b3f4a"
     head, back, thigh = height * 0.13, 0.26, 0.14
     shoulder, spine = height - 2.2 * head, (back - length) / 2

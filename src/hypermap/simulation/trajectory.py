@@ -63,7 +63,7 @@ def planar_poses(drive: DrivePlan, rate: float) -> tuple[NDArray[np.float64], ND
 def poses_at(drive: DrivePlan, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return where the robot is at some times [s]: x, y, yaw [m, m, rad], shape (N, 3).
 
-    It stands still before it starts and after it has arrived.
+    It is at rest before it starts and after it arrives.
     """
     times, knots = _knots(drive)
     return np.column_stack([np.interp(stamps, times, knots[:, i]) for i in range(3)])

@@ -23,7 +23,7 @@ _GROUND = ("length", "width", "radius")  # sizes that a thing has on the floor
 def varied(world: World, seed: int) -> World:
     """Return a world with its things moved, turned and of other sizes, as its `variation` says.
 
-    Whatever stands on a thing moves with it. No thing ends up inside another, in the robot's way or
+    Things on a thing move with it. No thing ends up inside another, in the robot's way or
     off the floor, and things keep their order. A world without `variation` is unchanged. Things on
     walls stay there, and so do panels, such as doors.
     """
@@ -57,7 +57,7 @@ class Room:
             self._way = line.buffer(_CLEARANCE)
 
     def group_of(self, root: int) -> list[int]:
-        """Return a thing on the floor and all that stands on it; none if it is no such thing."""
+        """Return a thing on the floor and all things on it; none if it is not on the floor."""
         is_hung = self._bodies[root].bottom > 0.05 or self.objects[root].model == "panel"
         if is_hung or self._bases[root] != root:
             return []
@@ -99,7 +99,7 @@ class Room:
 def _changed(
     group: list[WorldObject], variation: Variation, rng: np.random.Generator
 ) -> list[WorldObject]:
-    """Return a thing and what stands on it at another place, turned, and of other sizes.
+    """Return a thing and the things on it at another place, rotated and resized.
 
     What carries something grows at most, so that nothing falls off.
     """

@@ -129,7 +129,7 @@ def _edge_planes(p: NDArray[np.float64], planes: NDArray[np.float64]) -> float:
 
 @inner_loop()
 def _span(planes: NDArray[np.float64], v: int, left: int, right: int) -> tuple[float, float]:
-    """Return the first and last pixel of a row between the edges, give or take a pixel."""
+    """Return the first and last pixel of a row between the edges, plus or minus a pixel."""
     begin, end = float(left), float(right)
     for k in range(3):
         slope, start = planes[k, 0], planes[k, 1] * v + planes[k, 2]

@@ -127,7 +127,7 @@ class WorldObject:
 
     Attributes:
         model: which of the models it is.
-        at: where it stands [m]; None where `outline` is given.
+        at: its place [m]; None where `outline` is given.
         yaw_deg: which way it looks, degrees counter-clockwise from +x. With an outline, the side
             that faces most that way is the front.
         z: height of what it stands on [m].
@@ -167,14 +167,14 @@ class WorldObject:
 
     @property
     def place(self) -> Point:
-        """Where it stands: `at`, or the middle of its outline."""
+        """Its place: `at`, or the center of its outline."""
         if self.at is not None:
             return self.at
         middle = shapely.Polygon(self.outline).centroid
         return middle.x, middle.y
 
     def parts(self) -> tuple[Part, ...]:
-        """Return its parts where they stand, map frame."""
+        """Return its parts in the map frame."""
         if self.outline is None:
             pose = Pose2D(*self.place, math.radians(self.yaw_deg))
             parts = build(self.model, self.size, self.color)
@@ -227,7 +227,7 @@ class World:
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
 
-# What stands under each key of a world file, to suggest the nearest known key.
+# The keys of a world file, to suggest the nearest known one.
 _KINDS: dict[str, type] = {
     "": World,
     "floor": FloorPlan,
@@ -287,7 +287,7 @@ def load_world(path: str | Path) -> World:
 
 
 def _check_standing(world: World, path: Path) -> None:
-    """Raise a FormatError if objects stand in each other or in walls, or hang in the air."""
+    """Raise a FormatError if objects intersect each other or walls, or are in the air."""
     from hypermap.simulation.standing import bases, in_walls, overlaps  # which know worlds
 
     def named(i: int) -> str:

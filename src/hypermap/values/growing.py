@@ -124,7 +124,7 @@ class GrowingLayer:
         )
 
     def layer(self) -> ValueLayer | None:
-        """Return the layer as it is now; None while it is no more than the earlier one."""
+        """Return the present layer; None while it equals the earlier one."""
         with self._lock:
             samples, walls = self._samples, self._walls
             field = self._field

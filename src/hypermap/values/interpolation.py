@@ -48,7 +48,7 @@ class Interpolation:
     """An estimate of a quantity all over the floor.
 
     Attributes:
-        grid: where the cells lie, in the frame of the samples.
+        grid: geometry of the cells, in the frame of the samples.
         values: float64, shape (height, width), in the quantity's unit; NaN where no sample says
             enough, or there is no free floor.
         deviations: standard deviation of each value, not of a sample there; of the same shape.
@@ -100,7 +100,7 @@ def interpolate(
             "gmrf" without settings, and where there are walls.
 
     Raises:
-        HypermapError: If there are too few samples with a value, they lie too far apart, a value is
+        HypermapError: If there are too few samples with a value, they are too far apart, a value is
             absurdly large, the resolution is too fine or none, or a half-life is given and the
             method is another or a sample has no stamp.
     """
@@ -359,7 +359,7 @@ def grid_around(samples: Samples, resolution: float | None = None) -> GridGeomet
         resolution: as `interpolate` takes it.
 
     Raises:
-        HypermapError: If the samples lie too far apart, a value is absurdly large, or the
+        HypermapError: If the samples are too far apart, a value is absurdly large, or the
             resolution is too fine or none.
     """
     _check_numbers(samples)

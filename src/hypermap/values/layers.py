@@ -106,7 +106,7 @@ def unknown_layer_of(
         unit: as there.
 
     Raises:
-        HypermapError: If the samples lie too far apart, or a value is absurdly large.
+        HypermapError: If the samples are too far apart, or a value is absurdly large.
     """
     grid = grid_around(samples)
     unknown = np.full(grid.shape, np.nan)

@@ -93,7 +93,7 @@ class LiveField:
             point_xy: where it was taken, in the frame of the others [m].
             value: what it measured.
             is_below: whether `value` is a limit, and the quantity lies below it.
-            stamp: when it was measured [s]; NaN if nobody knows.
+            stamp: when it was measured [s]; NaN if unknown.
 
         Raises:
             HypermapError: If the point is off the grid.

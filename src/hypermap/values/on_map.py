@@ -87,7 +87,7 @@ def made_of(
         known: the earlier layer; None for none.
 
     Raises:
-        HypermapError: If the samples lie too far apart for any grid.
+        HypermapError: If the samples are too far apart for any grid.
     """
     method, half_life = ("gmrf", None) if known is None else method_of(known)
     quantity = name if known is None else known.quantity

@@ -46,7 +46,7 @@ def render_comparison(
     """Draw the true objects as outlines over the estimated ones, and save it as PNG or SVG.
 
     A line joins the centroids of a true object and of its match, with the dot at the estimate.
-    Finds are those at the first threshold of the evaluation; next to their names stands their IoU.
+    Finds are those at the first threshold of the evaluation; their IoU is next to their names.
 
     Args:
         ground_truth_map: whose occupancy is the ground of the picture.

@@ -16,7 +16,7 @@ class Spot:
     """A shape that wants a label.
 
     Attributes:
-        center: where the label would best stand [pixels].
+        center: the best place of the label [pixels].
         bounds: the shape's xmin, ymin, xmax, ymax [pixels].
         size: width and height of the label [pixels].
     """
@@ -38,7 +38,7 @@ def place_labels(
 
     Args:
         spots: the shapes.
-        frame: xmin, ymin, xmax, ymax in which labels may stand.
+        frame: xmin, ymin, xmax, ymax in which labels may be placed.
     """
     places: list[tuple[float, float] | None] = [None] * len(spots)
     shapes = np.array([spot.bounds for spot in spots], dtype=float).reshape(-1, 4)
@@ -68,7 +68,7 @@ def place_labels(
 
 
 def _candidates(spot: Spot) -> NDArray[np.float64]:
-    """Return where a label may stand, the best places first, shape (N, 2)."""
+    """Return the places of a label, the best first, shape (N, 2)."""
     x, y = spot.center
     xmin, ymin, xmax, ymax = spot.bounds
     width, height = spot.size

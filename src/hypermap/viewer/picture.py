@@ -97,7 +97,7 @@ class Drawing:
         links: from x, y to x, y of lines between what belongs together [m], shape (N, 2, 2).
         walls: what of the rasters is drawn once more, above the others.
         arrows: from x, y to x, y [m], shape (N, 2, 2).
-        contours: of the value layers, if asked for.
+        contours: of the value layers, if requested.
         marks: of notes.
     """
 

@@ -177,7 +177,7 @@ def connect(address: Address) -> Connection[Any]:
     """Return a new connection, in which every statement is a transaction of its own.
 
     Raises:
-        StoreAway: If nobody answers at the address.
+        StoreAway: If nothing answers at the address.
         StoreError: If the database refuses, as for a wrong password.
     """
     given = psycopg.conninfo.conninfo_to_dict(address.database)

@@ -30,7 +30,7 @@ _log = logging.getLogger(__name__)
 
 
 class FollowedSite:
-    """The map of a site as it is now; as a context, it listens to the store.
+    """The present map of a site; as a context, it listens to the store.
 
     Each version is a map of its own, which never changes; layers in which nothing has changed are
     those of the version before. While the database is away, the map stays as it was.
@@ -66,7 +66,7 @@ class FollowedSite:
 
     @property
     def hypermap(self) -> Hypermap:
-        """The map as it is now: the same object while nothing has changed."""
+        """The present map: the same object while nothing has changed."""
         return self._hypermap
 
     def write(self, seen: Hypermap, before: SemanticLayer, after: SemanticLayer) -> None:

@@ -178,7 +178,7 @@ class _Writing:
         return *key, track.object_id, track.written, item.existence, item.first_seen, item.last_seen
 
     def _reserved(self, column: str, count: int) -> int:
-        """Return the first of some numbers that a layer gives to nobody else."""
+        """Return the first of some numbers that are unused in a layer."""
         self._cursor.execute(
             sql.SQL("UPDATE layers SET {0} = {0} + %s WHERE id = %s RETURNING {0} - %s").format(
                 sql.Identifier(column)
@@ -206,7 +206,7 @@ class _Writing:
             common = shapely.area(shapely.intersection(shape, other))
             iou = common / max(shape.area + other.area - common, 1e-12)
             if iou >= best_iou:
-                # What nobody maps was made by a person or in another run, and stays unchanged.
+                # Objects without a mapper were made by hand or in another run, and stay unchanged.
                 best, best_iou = _Track(number, version if written == version else -1), iou
         return best
 

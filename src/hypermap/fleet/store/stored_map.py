@@ -96,7 +96,7 @@ class StoredHypermap(Hypermap):
         return find_site(self.database, self.site)[1]
 
     def loaded(self) -> Hypermap:
-        """Return the map in memory, as it is at this moment."""
+        """Return the map in memory, as it is at present."""
         return pushing.pull(self.database, self.site)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -165,7 +165,7 @@ class StoredSemanticLayer(SemanticLayer):
         )
 
     def loaded(self) -> SemanticLayer:
-        """Return the layer in memory, as it is at this moment."""
+        """Return the layer in memory, as it is at present."""
         with self._database.snapshot():
             (site_id,) = self._database.rows(
                 "SELECT site_id FROM layers WHERE id = %s", self._layer_id
@@ -266,7 +266,7 @@ class StoredOccupancyLayer(OccupancyLayer):
         """Do nothing: the cells are in the store."""
 
     def loaded(self) -> OccupancyLayer:
-        """Return the layer in memory, as it is at this moment."""
+        """Return the layer in memory, as it is at present."""
         return self._with_tiles("")
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -121,10 +121,10 @@ def layer_to_write(cursor: Cursor[Any], site_id: int, layer: str) -> int:
 def _check_seen(
     cursor: Cursor[Any], database: Database, layer_id: int, update: Update
 ) -> dict[int, int]:
-    """Return the positions of objects to replace, by id, if nobody has changed them since.
+    """Return the positions of objects to replace, by id, if they have not changed since.
 
     Raises:
-        Conflict: If somebody has.
+        Conflict: If they have.
     """
     given = [item.id for item in update.objects if item.id is not None]
     cursor.execute(

@@ -39,7 +39,7 @@ class GridLayer(Protocol):
     """A layer of numbers on a grid, ours or a plug-in's.
 
     Attributes:
-        grid: where the cells lie; None while the layer is empty.
+        grid: geometry of the cells; None while the layer is empty.
         cells: shape (height, width), row 0 the lowest; where nothing is known, whole numbers are
             -1 and others NaN. None while the layer is empty.
     """

@@ -40,7 +40,7 @@ def query_of(tokens: list[Token], times: list[Span]) -> Query:
 
 
 class _Tokens(Lexer):
-    """Hands on tokens that have been made already."""
+    """A lexer that passes on existing tokens."""
 
     def __init__(self, _configuration: Any) -> None:
         pass

@@ -140,7 +140,7 @@ class _Log:
     def places(
         self, map_frame: str, max_gap: float, map_T_world: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return where the sensor was at each sample, (N, 2); NaN where nobody knows."""
+        """Return where the sensor was at each sample, (N, 2); NaN if unknown."""
         stamps, frame_of = np.frombuffer(self.stamps), np.frombuffer(self._frame_of, np.int64)
         points = np.full((len(stamps), 2), np.nan)
         if len(stamps) == 0:

@@ -95,7 +95,7 @@ def checked(
 
 
 def sensor_positions(motion: Motion, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where a sensor was at stamps, shape (N, 2); NaN where nobody knows.
+    """Return where a sensor was at stamps, shape (N, 2); NaN if unknown.
 
     Args:
         motion: of the sensor in the map.

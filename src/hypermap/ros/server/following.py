@@ -29,7 +29,7 @@ class Source(Protocol):
 
     @property
     def hypermap(self) -> Hypermap:
-        """The map as it is now: the same object while nothing has changed.
+        """The present map: the same object while nothing has changed.
 
         Layers in which nothing has changed are the same, too.
         """

@@ -10,7 +10,7 @@ from hypermap.formats.store import place_for
 
 
 def path_within(directory: Path, filename: str) -> Path:
-    """Return where a file of the directory lies.
+    """Return the path of a file in the directory.
 
     Raises:
         FileMissing: If there is no such directory.

@@ -68,7 +68,7 @@ class MapFiles:
         return self._port.response("std_srvs/Trigger")(success=True, message="the map is empty now")
 
     def path(self, filename: str) -> Path:
-        """Return where a file lies that a client names.
+        """Return the path of a file that a client names.
 
         Raises:
             HypermapError: If its name leads out of the directory, or there is none.

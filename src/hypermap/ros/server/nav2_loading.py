@@ -69,7 +69,7 @@ class Nav2Loading:
         return answer
 
     def _path(self, url: str) -> Path:
-        """Return where a map lies, as `MapFiles.path` allows it."""
+        """Return the path of a map, as `MapFiles.path` allows it."""
         try:
             name = unquote(urlsplit(url).path) if url.startswith("file://") else url
         except ValueError as error:

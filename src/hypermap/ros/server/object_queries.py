@@ -30,7 +30,7 @@ class ObjectQueries:
         self._requests = requests
 
     def layers_at_point(self, request: Message) -> Message:
-        """Answer `hypermap_msgs/GetLayersAtPoint`; layers that nobody here can read say nothing."""
+        """Answer `hypermap_msgs/GetLayersAtPoint`; unreadable layers have no answer."""
         hypermap = self._current.hypermap
         xy = self._requests.point(hypermap, request.location)
         placed = hypermap.placed_layers()

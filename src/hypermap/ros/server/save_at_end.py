@@ -95,7 +95,7 @@ def place_at_end(path: Path, own: Collection[Path]) -> Path:
 def _is_there(path: Path) -> bool:
     try:
         return path.exists()
-    except OSError:  # nobody may look: saving says so
+    except OSError:  # not readable: saving says so
         return False
 
 

@@ -44,7 +44,7 @@ class Services:
         self._tally = tally
         self._open: KeptOpen[Closable] = KeptOpen()
         self._queries = Queries(port, current, requests)
-        self._layers: dict[str, str] = {}  # of the services that hand out a grid
+        self._layers: dict[str, str] = {}  # of the services that return a grid
         self._fixed: dict[str, tuple[str, Handler]] = {
             **_of_2019(self._queries),
             **_of_objects(port, current, requests),
@@ -112,7 +112,7 @@ def failed_response(port: Port, type_name: str, text: str) -> Message:
 
 
 def _static_maps(hypermap: Hypermap) -> dict[str, str]:
-    """Return the names of the services that hand out a grid, each with its layer's name."""
+    """Return the names of the services that return a grid, each with its layer's name."""
     layers = [layer for layer in hypermap if isinstance(layer, OccupancyLayer)]
     services = {topic_name(layer.name, "static_map"): layer.name for layer in reversed(layers)}
     for layer in global_layers(hypermap):

@@ -81,7 +81,7 @@ class MapDocument:
 
     @property
     def current(self) -> MapVersion:
-        """The map as it is now."""
+        """The present map."""
         return self._current
 
     @property

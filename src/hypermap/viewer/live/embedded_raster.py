@@ -19,7 +19,7 @@ from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 
 MAX_PIXELS = 4096 * 4096
 """How many pixels a picture may have; browsers draw larger ones slowly or not at all."""
-_STRAIGHT = 1e-9  # rad; a grid that is turned by less lies straight
+_STRAIGHT = 1e-9  # rad; a grid that is rotated by less is axis-parallel
 _OPAQUE = 255
 
 
@@ -46,7 +46,7 @@ class EmbeddedRaster:
     says: dict[str, dict[str, Any]]
 
     def as_json(self) -> dict[str, Any]:
-        """Return what stands in the page."""
+        """Return its part of the page."""
         grid, origin = self.grid, self.grid.origin
         content = io.BytesIO()
         Image.fromarray(self.rgba).save(content, format="png")

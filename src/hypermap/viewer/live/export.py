@@ -57,7 +57,7 @@ def export_page(
 
     Args:
         hypermap: the map.
-        map_path: where it was opened; the page names the file, and not where it lies.
+        map_path: where it was opened; the page names the file, not its folder.
         path: where to save.
         page: the folder of the built page: index.html, app.js and app.css.
         max_pixels: how many pixels the picture of a layer may have; larger grids are reduced.

@@ -22,7 +22,7 @@ class Followed(Protocol):
 
     @property
     def hypermap(self) -> Hypermap:
-        """The map as it is now: the same object while nothing has changed, never changed itself."""
+        """The present map: the same object while nothing has changed, never changed itself."""
 
 
 class FollowedMap:

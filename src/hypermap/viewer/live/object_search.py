@@ -23,7 +23,7 @@ from hypermap.viewer.live.snippets import AskedMap, snippets_for_search
 
 MOST_FOUND = 5000
 """How many rows an answer has at most."""
-_FOUND = 100  # rows, unless another limit is asked for
+_FOUND = 100  # rows, unless another limit is given
 
 
 @dataclass(frozen=True)

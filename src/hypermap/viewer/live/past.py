@@ -28,7 +28,7 @@ _DECIMALS = 4  # of meters
 
 
 class Past:
-    """The open map as it was; the versions that were asked for last are kept."""
+    """The open map as it was; the versions requested last are kept."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[int, Hypermap] = OrderedDict()
@@ -39,7 +39,7 @@ class Past:
         """Return the map as it was in a version.
 
         Args:
-            hypermap: the map as it is now, with edits that are not saved yet.
+            hypermap: the present map, with unsaved edits.
             version: of its history.
 
         Raises:

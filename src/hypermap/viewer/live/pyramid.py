@@ -47,7 +47,7 @@ class Pyramid:
     third of what the grid takes. May be asked from several threads.
 
     Attributes:
-        grid: where the pixels of the finest level lie.
+        grid: geometry of the pixels of the finest level.
         paint: how they are merged and colored.
     """
 

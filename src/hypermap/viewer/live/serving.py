@@ -151,7 +151,7 @@ def serving(app: Served, listening: socket.socket) -> Iterator[None]:
 
 
 def config_of(app: ASGIApp) -> uvicorn.Config:
-    """Return how an application is served: quietly, and so that idle connections block nobody."""
+    """Return how an application is served: quietly, and without idle connections."""
     return uvicorn.Config(
         app,
         log_config=None,

@@ -127,7 +127,7 @@ class LayerShapes:
         return polygons_in_base(self.shapes[[row]], base_T_layer, decimals=None)[0]
 
     def label_points(self, rows: IntArray, base_T_layer: Pose2D) -> NDArray[np.float64]:
-        """Return where names belong, in the base frame: the centroid if it lies inside, (N, 2)."""
+        """Return where names belong, in the base frame: the centroid if it is inside, (N, 2)."""
         points = self.centroids[rows]
         outside = ~have_points(self.shapes[rows], points)
         if outside.any():

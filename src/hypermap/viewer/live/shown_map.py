@@ -46,7 +46,7 @@ class ShownMap(Protocol):
 
     @property
     def current(self) -> MapVersion:
-        """The map as it is now."""
+        """The present map."""
 
     def status(self) -> dict[str, Any]:
         """Return the state of editing, as windows show it."""

@@ -54,7 +54,7 @@ class Tile:
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Where it lies: xmin, ymin, xmax, ymax [m]."""
+        """Its extent: xmin, ymin, xmax, ymax [m]."""
         side = SIDE * self.pixel
         x, y = self.column * side, self.row * side
         return x, y, x + side, y + side

@@ -17,7 +17,7 @@ from hypermap.core.shapes import valid_copies
 from hypermap.perception.observation import Observation
 from hypermap.triangles import label_points, ring_segments, triangles
 
-_STEP = 0.01  # meters by which each layer lies above the one before it
+_STEP = 0.01  # meters between layers, for display
 _HIGH = 0.05  # meters above the floor at which a frame's own shapes are drawn
 _TINT = 140  # opacity of fills, 0..255
 

@@ -48,7 +48,7 @@ class GridPictures:
         """Return the grid that is to be drawn now; None if it is too soon, or nothing has changed.
 
         Args:
-            layer: gives the grid as it is now.
+            layer: returns the present grid.
             at_once: whether it is drawn whatever it costs.
         """
         began = self._clock()

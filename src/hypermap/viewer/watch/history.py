@@ -35,7 +35,7 @@ MOST_BYTES = 500_000_000
 """How much room their files may take."""
 
 _WHOLE_EVERY = 50  # steps; so many differences are read at most to say how the objects were
-_STATES_KEPT = 8  # of those that were asked for
+_STATES_KEPT = 8  # of those requested
 
 
 class NoSuchStep(HypermapError):
@@ -62,7 +62,7 @@ class Step:
 
 
 class History:
-    """The steps of a run in a folder; whoever calls it from several threads guards it.
+    """The steps of a run in a folder; callers must synchronize threads.
 
     Attributes:
         steps: those that are kept, oldest first.

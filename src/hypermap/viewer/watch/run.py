@@ -128,7 +128,7 @@ class WatchedRun:
         self._end("failed", message)
 
     def close(self) -> None:
-        """Let the work that goes on next to the mapper end."""
+        """End the work in the background."""
         self._worker.shutdown()
 
     # Called for windows
@@ -199,7 +199,7 @@ class WatchedRun:
     # Parts of the above
 
     def _keep(self, is_last: bool = False) -> None:
-        """Keep the last frame that was seen; if it is kept already, the grid as it is now."""
+        """Keep the last frame that was seen; if it is kept already, the present grid."""
         if self._last is None or not self._is_kept:
             return
         seen, mapper = self._last

@@ -22,7 +22,7 @@ class BadRequest(HypermapError):
 
 
 def check_known(given: Mapping[str, str], known: tuple[str, ...]) -> None:
-    """Raise a BadRequest if there is a parameter that nobody reads, as OGC API - Features asks.
+    """Raise a BadRequest for unknown parameters, as OGC API - Features requires.
 
     Nor may one hold a NUL character, which the database does not allow.
     """
