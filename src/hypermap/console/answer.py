@@ -89,7 +89,7 @@ def plain(answer: Shown) -> str:
 
 
 def aligned(table: Sequence[Sequence[str]], texts: int) -> list[str]:
-    """Return a line for each row: the first `texts` columns left-aligned, the rest right-aligned."""
+    """Return a line for each row: the first `texts` columns left-aligned, others right-aligned."""
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = []
     for row in table:
