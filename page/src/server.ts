@@ -59,6 +59,7 @@ export class ServerSource implements DataSource, Editing, Past {
       image.onerror = () => reject(new Error(`no tile ${zoom}/${column}/${row} of ${layer}`));
       image.src = address(`/api/tiles/${encodeURIComponent(layer)}/${zoom}/${column}/${row}.png`, {
         v,
+        as_of: v === this.asOf ? v : undefined, // of a layer that is shown as it was
       });
     });
   }

@@ -39,6 +39,8 @@ export interface LayerInfo {
   editable?: boolean;
   /** The version in which this layer changed last. */
   version?: number;
+  /** Whether it is shown as it was, where the map is. */
+  as_it_was?: boolean;
   /** Why it cannot be drawn. */
   problem?: string;
   legend: LegendEntry[];

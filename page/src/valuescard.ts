@@ -25,6 +25,7 @@ export class ValuesCard {
   private readonly today = el("span", { class: "quiet of-today", text: "As of now" });
   private readonly lines = el("input", { type: "checkbox" });
   private pointer: Point | null = null;
+  private isPast = false;
   private shown: { layer: string; version: number; values: MeasuredValues | null } | null = null;
 
   constructor(
@@ -35,7 +36,7 @@ export class ValuesCard {
     view.map.addLayer(this.contours);
     this.select.onchange = () => this.choose(this.select.value);
     this.lines.onchange = () => this.drawContours();
-    this.setPast(false);
+    this.today.hidden = true;
     byId("values").append(
       el("div", { class: "values-head" }, this.select, this.output),
       this.colors,
@@ -61,9 +62,9 @@ export class ValuesCard {
     void this.show(top ?? null).catch(complain);
   }
 
-  /** Says that values are those of now where the map is shown as it was. */
+  /** Where the map is shown as it was, values that are not are said to be those of now. */
   setPast(isPast: boolean): void {
-    this.today.hidden = !isPast;
+    this.isPast = isPast;
   }
 
   setPointer(point: Point | null): void {
@@ -113,6 +114,7 @@ export class ValuesCard {
     const ends = labels.length > 1 ? [labels[0], ...middle, labels[labels.length - 1]] : labels;
     this.ticks.replaceChildren(...ends.map((text) => el("span", { text })));
     this.paler.hidden = legend.length === (layer?.info.legend.length ?? 0);
+    this.today.hidden = !this.isPast || !layer || layer.info.as_it_was === true;
     for (const part of [this.colors, this.ticks, this.output]) part.hidden = layer === null;
     this.lines.disabled = layer === null;
   }

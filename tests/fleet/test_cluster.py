@@ -17,7 +17,7 @@ import pytest
 
 from hypermap.cli.main import main
 from hypermap.core.errors import FormatError
-from hypermap.fleet.cluster import Cluster
+from hypermap.fleet.cluster import Cluster, _first_line
 from hypermap.fleet.workers import TRIES, WorkerDied
 
 from ..cli.conftest import write_drive
@@ -133,6 +133,14 @@ def test_results_and_errors_come_back_from_the_nodes(cluster: Cluster, tmp_path:
     with pytest.raises(WorkerDied):
         cluster.submit(exec, DYING.format(tally=str(tally), times=99)).result()
     assert len(tally.read_text()) == 2 * TRIES
+
+
+def test_an_error_with_a_traceback_is_said_by_its_first_and_last_line() -> None:
+    traceback = "Initialization failure from server:\nTraceback:\n  a line\nRuntimeError: no port\n"
+    assert _first_line(Exception(traceback)) == (
+        "Initialization failure from server: RuntimeError: no port"
+    )
+    assert _first_line(Exception("no cluster\nmore of it")) == "no cluster"
 
 
 def test_closing_ends_what_is_being_done(nodes: Nodes, tmp_path: Path) -> None:

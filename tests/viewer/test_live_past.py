@@ -6,6 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from hypermap.core.value_layer import ValueLayer
+from hypermap.formats import save_map
+from hypermap.values import FieldSettings, Samples, value_layer_of
+
 from .live_tools import Window, saved, serving
 from .past_map import CHAIR_AFTER, CHAIR_BEFORE, PLANT, TUESDAY, past_map, saved_past_map
 from .small_map import CHAIR, CUP, DESK, EVIL, EVIL_ID
@@ -50,6 +54,34 @@ def test_a_map_without_history_has_no_past(tmp_path: Path) -> None:
         assert window.get("/api/timeline")["versions"] == []
         refused = window.get("/api/map", expected=400, as_of=1)
     assert "keeps no history" in refused["error"]
+
+
+def test_measured_values_are_shown_as_they_were_if_samples_say_when(tmp_path: Path) -> None:
+    """On Wednesday it was measured in two more places."""
+    hypermap = past_map()
+    places = [[1, 1], [2, 1], [8, 6], [9, 6]]
+    stamps = [TUESDAY - 9, TUESDAY - 8, TUESDAY + 86_400, TUESDAY + 86_401]
+    samples = Samples.of(places, [18, 18, 30, 30], stamps=stamps)
+    settings = FieldSettings(length=1.0, deviation=2.0, noise=0.1)
+    dated = value_layer_of("warmth", samples, frame_id="map", settings=settings)
+    undated = ValueLayer("wifi", "map", dated.grid, dated.cells)
+    save_map(hypermap.with_layers([*hypermap, dated, undated]), tmp_path / "room.hmap")
+    with serving(tmp_path / "room.hmap") as client:
+        window = Window(client)
+        layers = {one["name"]: one for one in window.get("/api/map", as_of=2)["layers"]}
+        assert {name for name, one in layers.items() if one["as_it_was"]} == {"semantic", "warmth"}
+        assert layers["warmth"]["version"] == 2
+        now, then = (
+            {
+                name: client.get(f"/api/tiles/{name}/2/0/0.png", params={"v": 2, **asked}).content
+                for name in ("warmth", "wifi")
+            }
+            for asked in ({}, {"as_of": 2})
+        )
+        assert now["wifi"] == then["wifi"]
+        assert now["warmth"] != then["warmth"]
+        grids = [window.get("/api/values/warmth", **asked) for asked in ({}, {"as_of": 2})]
+    assert grids[0] != grids[1]
 
 
 def test_every_question_is_answered_as_of_the_version(tmp_path: Path) -> None:

@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
 
+from hypermap import GridGeometry
+from hypermap.core.value_layer import ValueLayer
+from hypermap.formats import save_map
+
 from .editing_tools import Edited
 from .page_tools import Window, a_server, a_window
-from .past_map import CHAIR_AFTER, CHAIR_BEFORE, PLANT_PLACE, saved_past_map
+from .past_map import CHAIR_AFTER, CHAIR_BEFORE, PLANT_PLACE, past_map, saved_past_map
 from .small_map import DESK, METRES_PER_PIXEL, PLACES
 
 pytestmark = pytest.mark.xdist_group("page")
@@ -19,7 +23,11 @@ pytestmark = pytest.mark.xdist_group("page")
 
 @pytest.fixture(scope="module")
 def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with a_server(saved_past_map(tmp_path_factory.mktemp("past"))) as url:
+    hypermap = past_map()
+    undated = ValueLayer("warmth", "map", GridGeometry(4, 4, 1.0), np.full((4, 4), np.nan))
+    path = tmp_path_factory.mktemp("past") / "room.hmap"
+    save_map(hypermap.with_layers([*hypermap, undated]), path)
+    with a_server(path) as url:
         yield url
 
 

@@ -213,4 +213,7 @@ def _check_reachable(address: str) -> None:
 
 def _first_line(error: BaseException) -> str:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0] if lines else type(error).__name__
+    if not lines:
+        return type(error).__name__
+    # Of an error with a traceback, the last line says what it was.
+    return f"{lines[0]} {lines[-1]}" if lines[0].endswith(":") else lines[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from datetime import datetime
 
@@ -9,14 +10,17 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.history import MAP_VERSION, Change, Revision
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.value_layer import ValueLayer
 from hypermap.history.expiry import in_force
+from hypermap.values.past import values_at
 
 
 def as_of(hypermap: Hypermap, moment: datetime | str | float) -> Hypermap:
     """Return a map as it was at a time: its objects with their names and shapes.
 
-    Grids, values and transforms are those of today, and layers that are not there any more are
-    left out. Mapping cannot continue such a map.
+    Measured values are of the samples that had been taken by then (`values.past`). Grids and
+    transforms are those of today, and layers that are not there any more are left out. Mapping
+    cannot continue such a map.
 
     Args:
         hypermap: a map with a history.
@@ -28,8 +32,8 @@ def as_of(hypermap: Hypermap, moment: datetime | str | float) -> Hypermap:
         ValueError: If the text is not a time.
     """
     stamp = _stamp(moment)
-    past = _before(hypermap, lambda time, _: time > stamp, f"at {_said(stamp)}")
-    return in_force(past, stamp)
+    past, _ = _before(hypermap, lambda time, _: time > stamp, f"at {_said(stamp)}")
+    return _with_values_at(in_force(past, stamp), stamp)
 
 
 def at_version(hypermap: Hypermap, version: int) -> Hypermap:
@@ -38,11 +42,22 @@ def at_version(hypermap: Hypermap, version: int) -> Hypermap:
     Raises:
         HypermapError: If the map keeps no history, or it does not reach back so far.
     """
-    return _before(hypermap, lambda _, one: one.version > version, f"in version {version}")
+    past, stamp = _before(hypermap, lambda _, one: one.version > version, f"in version {version}")
+    return _with_values_at(past, stamp)
 
 
-def _before(hypermap: Hypermap, is_later: Callable[[float, Revision], bool], when: str) -> Hypermap:
-    """Return a map before its later revisions."""
+def _with_values_at(hypermap: Hypermap, stamp: float) -> Hypermap:
+    """Return a map with its measured values as they were at a time."""
+    return hypermap.with_layers(
+        values_at(hypermap, layer, stamp) if isinstance(layer, ValueLayer) else layer
+        for layer in hypermap
+    )
+
+
+def _before(
+    hypermap: Hypermap, is_later: Callable[[float, Revision], bool], when: str
+) -> tuple[Hypermap, float]:
+    """Return a map before its later revisions, and when it began to be so; infinite for now."""
     dated = [] if hypermap.history is None else list(hypermap.history.dated())
     if not dated:
         raise HypermapError("the map keeps no history, so only the present is known")
@@ -55,7 +70,8 @@ def _before(hypermap: Hypermap, is_later: Callable[[float, Revision], bool], whe
         )
     if any(revision.follows_loss for revision in undone):
         raise HypermapError(f"{when} the map is not known: a later part of its history is lost")
-    return _without(hypermap, undone, dated[len(dated) - len(undone) - 1][1].version)
+    time, last = dated[len(dated) - len(undone) - 1]
+    return _without(hypermap, undone, last.version), time if undone else math.inf
 
 
 def _without(hypermap: Hypermap, undone: list[Revision], version: int) -> Hypermap:

@@ -22,6 +22,7 @@ from hypermap.core.layer import Layer
 from hypermap.core.notes_layer import NotesLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.value_layer import ValueLayer
 from hypermap.history import as_of, in_force
 from hypermap.questions.cells import (
     Cell,
@@ -41,6 +42,7 @@ from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
 from hypermap.rooms.questions import rooms_at, rooms_called
 from hypermap.rooms.rooms import Room
 from hypermap.values import value_layer_called
+from hypermap.values.past import why_undated
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,10 +134,19 @@ def ask(
         hypermap = in_force(hypermap, time.time() if now is None else now)
     else:
         if query.measured is not None:
-            raise HypermapError("measured values are known only as they are now, not as of a time")
+            _check_dated(value_layer_called(hypermap, query.measured.layer))
         hypermap = as_of(hypermap, query.as_of)
     finder = Finder(hypermap, query.exact, asker, taxonomy or load_taxonomy(), robot_radius)
     return _Asking(hypermap, query, finder, encoder).answer()
+
+
+def _check_dated(layer: ValueLayer) -> None:
+    """Raise a HypermapError if values are not known as of a time."""
+    if (reason := why_undated(layer)) is not None:
+        raise HypermapError(
+            f"the values of layer {layer.name!r} are known only as they are now, not as of a time: "
+            f"{reason}"
+        )
 
 
 class _Asking:

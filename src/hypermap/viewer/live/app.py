@@ -41,7 +41,7 @@ from hypermap.viewer.live.layers import LayerView, LayerViews
 from hypermap.viewer.live.measured_values import describe_values
 from hypermap.viewer.live.object_evidence import describe_evidence
 from hypermap.viewer.live.page import page_file
-from hypermap.viewer.live.past import Past, changes_of, timeline
+from hypermap.viewer.live.past import Past, changes_of, has_past, timeline
 from hypermap.viewer.live.paths import Paths
 from hypermap.viewer.live.questions import Questions
 from hypermap.viewer.live.replies import (
@@ -176,16 +176,18 @@ class MapApp:
         is_past = asked.version is not None
         described = describe_map(shown, self._views, document.is_editable and not is_past)
         for layer in described["layers"]:
-            is_as_it_was = is_past and layer["kind"] == "shapes"
+            is_as_it_was = is_past and has_past(shown[layer["name"]], layer["kind"])
             changed_in = current.changed_in[layer["name"]]
             layer["version"] = asked.version if is_as_it_was else changed_in
+            layer["as_it_was"] = is_as_it_was
         answer = {"name": document.name, "path": document.address, "token": self.token, **status}
         offered = {"can_cover": self.areas is not None}
         return json_reply({**answer, **described, **offered, "version": current.version})
 
     def _tile(self, request: Request) -> Response:
         current = self.document.current
-        view = self._view(current.hypermap, request)
+        hypermap, asked = self._asked(request, current)
+        view = self._view(hypermap, request)
         values = {key: request.path_params[key] for key in ("zoom", "column", "row")}
         numbers = {key: whole_number_in(values, key) for key in values}
         tile = Tile(**numbers)
@@ -193,12 +195,13 @@ class MapApp:
         if pyramid is None:
             raise Refused(f"layer {request.path_params['layer']!r} is no grid", 404)
         version = current.changed_in[request.path_params["layer"]]
-        etag = f'"{version}"'
-        headers = {"ETag": etag, "Cache-Control": _FOREVER if "v" in request.query_params else ""}
+        etag = f'"{version}"' if asked.version is None else f'"{version}.{asked.version}"'
+        is_final = "v" in request.query_params and asked.version is None
+        headers = {"ETag": etag, "Cache-Control": _FOREVER if is_final else ""}
         headers = {key: value for key, value in headers.items() if value}
         if request.headers.get("if-none-match") == etag:
             return Response(status_code=304, headers=headers)
-        key = (request.path_params["layer"], version, tile)
+        key = (request.path_params["layer"], etag, tile)
         content = self._tiles.get(key, lambda: draw_tile(pyramid, tile, view.base_T_layer))
         return Response(content, media_type="image/png", headers=headers)
 
@@ -215,7 +218,7 @@ class MapApp:
         return json_reply_of(view.shapes.view(box, resolution, view.base_T_layer, names))
 
     def _values(self, request: Request) -> Response:
-        hypermap = self.document.current.hypermap
+        hypermap, _ = self._asked(request)
         view, layer = self._view(hypermap, request), hypermap[request.path_params["layer"]]
         sent = None
         if isinstance(layer, ValueLayer):

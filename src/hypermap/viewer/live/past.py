@@ -12,9 +12,12 @@ from hypermap.core.errors import FrameError
 from hypermap.core.frames import Pose2D
 from hypermap.core.history import Change, Revision
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
 from hypermap.core.objects import SemanticObject
 from hypermap.core.shapes import valid_copies
+from hypermap.core.value_layer import ValueLayer
 from hypermap.history import at_version, grown
+from hypermap.values.past import why_undated
 from hypermap.viewer.changes import COLORS
 from hypermap.viewer.live.description import hex_color
 from hypermap.viewer.live.request_errors import Refused
@@ -55,6 +58,16 @@ class Past:
             if len(self._kept) > _MAPS_KEPT:
                 self._kept.popitem(last=False)
             return self._kept[version]
+
+
+def has_past(layer: Layer, kind: str) -> bool:
+    """Return whether a layer of a former version is shown as it was then.
+
+    Args:
+        layer: of the map as it was.
+        kind: how it is drawn.
+    """
+    return why_undated(layer) is None if isinstance(layer, ValueLayer) else kind == "shapes"
 
 
 def timeline(hypermap: Hypermap) -> dict[str, Any]:
