@@ -18,8 +18,9 @@ from hypermap.formats import open_map
 
 from .conftest import INTRINSICS
 
-# Commands of which an option is about other things: "in" is a folder, "value" one to look for.
-OF_THEIR_OWN = [("find", "--in"), ("query", "--value")]
+# Commands of which an option is about other things: "in" is a folder, "value" one to look for, and
+# "method" one of mapping, of your own.
+OF_THEIR_OWN = [("find", "--in"), ("query", "--value"), ("experiment", "--method")]
 
 
 def options(module: str) -> Iterator[tuple[list[str], Any, OptionInfo]]:
