@@ -250,6 +250,11 @@ def _some(share: float) -> Callable[[Pixels], Pixels]:
     )
 
 
+def _constant(below: int) -> Callable[[Pixels], Pixels]:
+    """Return what makes all pixels so much less than the most that they can be."""
+    return lambda d: np.full_like(d, np.iinfo(d.dtype).max - below)
+
+
 def _noise(depth: Pixels) -> Pixels:
     return np.random.default_rng(1).integers(2000, 40_000, depth.shape).astype(np.uint16)
 
@@ -271,8 +276,8 @@ SENSORS = (
     BadSensor("units 10 times too large", _nothing, "--depth-scale", 0, {"depth_scale": 500.0}),
     BadSensor("units far too small", _nothing, "nearer than 0.1 m", 0, {"depth_scale": 1e6}),
     BadSensor("a frame of zeros", _depth(np.zeros_like), FIFTH + "its depth image is empty", 1),
-    BadSensor("a frame of 65535", _depth(lambda d: d | 0xFFFF), "its depth image is empty", 1),
-    BadSensor("a frame of 65534", _depth(lambda d: d * 0 + 65534), "its depth is saturated", 1),
+    BadSensor("a frame of 65535", _depth(_constant(0)), "its depth image is empty", 1),
+    BadSensor("a frame of 65534", _depth(_constant(1)), "its depth is saturated", 1),
     BadSensor("all frames of zeros", _depth(np.zeros_like, ALL), "depth image is empty", None),
     BadSensor("hardly any depth", _depth(_some(0.02), ALL), "was the camera covered"),
     BadSensor("hardly any depth once", _depth(_some(0.02))),

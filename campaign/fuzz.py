@@ -18,7 +18,7 @@ from statistics import median
 from typing import Any
 
 from campaign.fuzz_targets import targets_here
-from campaign.fuzz_worker import READY
+from campaign.fuzz_worker import DIED, READY
 from campaign.part import Budget, Finding, Result
 
 CHECKOUT = Path(__file__).resolve().parent.parent
@@ -51,8 +51,9 @@ def fuzz(budget: Budget, names: Sequence[str]) -> Result:
     left_out = []
     for name, one in zip(names, answers, strict=True):
         if one is _End.DIED:
-            now = budget.folder / name / "now"
-            findings.append(Finding(f"{name}: the process hung or died", budget.seed, now))
+            folder = budget.folder / name
+            file = folder / (DIED if (folder / DIED).exists() else "now")
+            findings.append(Finding(f"{name}: the process hung or died", budget.seed, file))
         elif one is _End.LATE:
             left_out.append(name)
     return Result("fuzz", sum(one["runs"] for one in said.values()), findings, figures, left_out)

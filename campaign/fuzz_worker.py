@@ -4,7 +4,8 @@
 
 SECONDS count from its start, but it asks at least once after it has warmed up. It keeps what it
 finds in FOLDER, and says on standard output in one line of JSON what it did. What it is asking at
-the moment lies in FOLDER/now, should it hang or die; FOLDER/ready is there once it has warmed up.
+the moment lies in FOLDER/now, should it hang or die; FOLDER/ready is there once it has warmed up,
+and FOLDER/died says why it could not.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ from campaign.own_process import peak_bytes
 MOST_SECONDS = 2.0  # of an answer, in time of the processor
 MOST_BYTES = 1_000_000_000  # of memory, for the whole process
 FRESH = 0.4  # the share of inputs that begin with an example, whatever was found since
-READY = "ready"  # a file of this name says that a process has warmed up
+READY, DIED = "ready", "died"  # files that say that a process has warmed up, or why not
 SPOILED = 0.6  # of the others, the share that we spoil by their kind; libFuzzer does the rest
 _SOURCES = Path(__file__).resolve().parent.parent / "src"
 
@@ -140,7 +141,7 @@ def main() -> None:
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # where saves need no disk
     with tempfile.TemporaryDirectory(prefix="hypermap-fuzz-", dir=memory) as scratch:
         os.chdir(scratch)
-        with _instrumented(guide):
+        with _instrumented(guide), _told(kept / DIED):
             target = target_of(name, Path(scratch))
             tries = Tries(target.ask, kept)
             tries.warm_up(target.corpus)  # which imports what the program imports when it needs it
@@ -152,6 +153,16 @@ def main() -> None:
         _say(said, name, tries, "random")
         target.close()
     os._exit(0)  # threads of servers do not hold us up
+
+
+@contextlib.contextmanager
+def _told(file: Path) -> Iterator[None]:
+    """Write into a file why a target cannot be prepared: nobody reads what is printed."""
+    try:
+        yield
+    except BaseException:
+        file.write_text(traceback.format_exc(), encoding="utf-8")
+        raise
 
 
 def _say(handle: int, name: str, tries: Tries, way: str) -> None:

@@ -32,7 +32,7 @@ _COMMANDS = (
     "changes IT --since 7d --json",
     "changes IT --picture out.svg",
     "history IT --export out.csv",
-    "history IT OUT --keep 1d",
+    "history IT --keep 1d",
     "expire IT 1 --until 2h",
     "notes IT",
     "notes IT --word tile --save-files out",
@@ -73,10 +73,16 @@ def commands(folder: Path) -> Target:
     ours, made = folder / "ours.hmap", full_map(1, MONDAY + 86_400)
     save_map(made, ours)
     kept, work, corpus = ours.read_bytes(), folder / "work", []
+    work.mkdir()
     write_good_recording(work / "recording")
     for example in (full_map(), a_map(), a_small_map()):
         save_map(example, folder / "example.hmap")
         corpus.append((folder / "example.hmap").read_bytes())
+
+    for words in _COMMANDS:  # else the campaign would try nothing
+        files = {"it.hmap": corpus[0], "ours.hmap": kept, "samples.csv": _SAMPLES.encode()}
+        if not _run(shlex.split(words), work, files):
+            raise RuntimeError(f"hypermap {words}: refused, though nothing is spoiled")
 
     def ask(data: bytes) -> None:
         files = {"it.hmap": data, "ours.hmap": kept, "samples.csv": _SAMPLES.encode()}
