@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,12 +14,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from hypermap.cli.corrected_poses import PoseCorrection
 from hypermap.cli.recording_options import OPTIONS
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.perception.frame import Camera
-from hypermap.recordings import RecordingOptions
+from hypermap.perception.recording import SameRecording
+from hypermap.recordings import RecordingOptions, open_recording
 from hypermap.simulation import SimulatedRecording, demo_world, write_tum
 from hypermap.testing import square
 from hypermap.viewer.live.document import MapDocument
@@ -110,6 +113,28 @@ def test_poses_are_corrected_without_a_map(hypermap, tmp_path):
     again = hypermap(*arguments, "--correct-poses", "graph")
     assert again.code == 2
     assert again.err.endswith("corrected.txt exists already; give --force to replace it\n")
+
+
+@pytest.mark.parametrize(
+    ("saved", "said"),
+    [
+        ("out.hmap", "the map is saved there"),
+        ("drive/groundtruth.txt", "this is a file of"),
+        ("drive", "drive, which is read"),
+        ("before.hmap", "before.hmap, which is read"),
+    ],
+)
+def test_corrected_poses_replace_no_other_file(hypermap, drive, tmp_path, saved, said):
+    out, before = tmp_path / "out.hmap", tmp_path / "before.hmap"
+    recording, common = tmp_path / "drive", ["--intrinsics", INTRINSICS, "--no-objects"]
+    shutil.copytree(drive, recording)
+    if saved == before.name:
+        assert hypermap("map", recording, *common, "-o", before).code == 0
+        common += ["--onto", before]
+    kept = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    graph = ["--correct-poses", "graph", "--save-poses", tmp_path / saved, "--force"]
+    assert_one_error(hypermap("map", recording, *common, *graph, "-o", out), "--save-poses", said)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == kept
 
 
 def test_another_drive_does_not_tell_of_corrections_of_the_first(hypermap, tmp_path):
@@ -445,6 +470,33 @@ def test_who_ends_it_early_gets_what_there_is(tmp_path, before, numbers, name):
     assert "Traceback" not in said
     frames = open_map(out).metadata["frames"]
     assert 1 <= frames["used"] < 3000
+
+
+class EndedByUser(SameRecording):
+    """A recording during whose third frame somebody presses Ctrl-C."""
+
+    def frames(self, on_bad=None):
+        for number, frame in enumerate(self._recording.frames(on_bad)):
+            if number == 2:
+                signal.raise_signal(signal.SIGINT)
+            yield frame
+
+    def pending(self, on_bad=None):
+        yield from self._recording.pending(on_bad)
+
+
+def test_who_ends_the_correction_of_poses_gets_the_map_of_what_was_read(drive, tmp_path, capsys):
+    recording = EndedByUser(open_recording(drive, RecordingOptions(intrinsics=(525, 525, 80, 60))))
+    correction = PoseCorrection("graph", tmp_path / "poses.txt", has_map=False)
+    job = correction.corrected(recording)
+    assert job.stop.exit_code == 130
+    assert (
+        "mapping the 2 frames whose poses were corrected before Ctrl-C" in capsys.readouterr().err
+    )
+    assert len(np.loadtxt(tmp_path / "poses.txt")) == 2
+    stamps = [frame.stamp for frame in job.recording.pending()]
+    assert stamps == list(job.poses.poses)
+    assert job.until == stamps[-1]
 
 
 def test_info_tells_what_a_recording_holds(hypermap, drive):

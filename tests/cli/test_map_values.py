@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from hypermap import ValueLayer, open_map
 
 from ..prepared import run
 from ..recordings.bag_builder import BagBuilder, add_images, add_poses, header
-from ..recordings.shots import make_shots, write_tum
+from ..recordings.shots import HEIGHT, WIDTH, make_shots, write_tum
 from .conftest import assert_one_error
 
 pytestmark = pytest.mark.xdist_group("map_values")  # they share what takes long to make
@@ -82,6 +84,28 @@ def test_samples_that_the_map_has_already_do_not_count_twice(hypermap, warm, dri
     assert said.code == 0
     assert "temperature: 8 samples already in the map" in said.err
     assert len(layer_of(path, "temperature").samples) == 8
+
+
+def test_samples_move_with_poses_that_are_corrected_without_a_map(hypermap, tmp_path):
+    """The poses say that the camera moves away from what it sees; all images are the same."""
+    wall, ahead = np.full((HEIGHT, WIDTH), 2500, np.uint16), np.array([-0.5, 0.5, -0.5, 0.5])
+    shots = [
+        replace(shot, depth_mm=wall, position=np.array([0.12 * i, 0.0, 1.0]), quat_xyzw=ahead)
+        for i, shot in enumerate(SHOTS)
+    ]
+    with BagBuilder(tmp_path, "ros1") as bag:
+        add_poses(bag, shots)
+        for shot in shots:
+            add_images(bag, shot)
+            values = {"header": header(shot.stamp), "temperature": 20.0}
+            bag.add("/warmth", "sensor_msgs/msg/Temperature", shot.stamp, values)
+    out = tmp_path / "out.hmap"
+    graph = ["--correct-poses", "graph", "-o", out]
+    made = hypermap("map", bag.path, "--no-objects", *WARMTH, *graph)
+    assert made.code == 0, made.err
+    assert "7 of 8 corrected by a pose graph" in made.err
+    places = layer_of(out, "temperature").samples.points_xy
+    np.testing.assert_allclose(places, np.zeros((8, 2)), atol=0.03)
 
 
 @pytest.mark.parametrize(

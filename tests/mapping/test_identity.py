@@ -67,3 +67,19 @@ def test_a_clock_that_is_ahead_is_told_and_gives_no_time(caplog: pytest.LogCaptu
     assert made.history is not None
     assert made.history.mapped is not None
     assert made.history.mapped.time is None
+
+
+def test_a_clock_that_was_never_set_is_told_where_others_were(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    dated = [dataclasses.replace(f, stamp=1.7e9 + i) for i, f in enumerate(walk().items)]
+    undated = [dataclasses.replace(f, stamp=5.0 + i) for i, f in enumerate(walk().items)]
+    with caplog.at_level(logging.WARNING):
+        first = map_recording(Frames(dated), boxes, CONFIG)
+        map_recording(Frames(undated), boxes, CONFIG)
+        assert "count from 1970" not in caplog.text
+        made = map_recording(Frames(undated), boxes, CONFIG, onto=first)
+    assert "do not count from 1970 (10.000 s), as those of earlier drives do" in caplog.text
+    assert made.history is not None
+    assert made.history.mapped is not None
+    assert made.history.mapped.time is None

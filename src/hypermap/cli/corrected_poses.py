@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,8 +12,10 @@ import typer
 
 from hypermap.cli.options import check_output
 from hypermap.cli.progress import counting
+from hypermap.cli.signals import Stop, stop_on_signal
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
@@ -80,31 +84,84 @@ class PoseCorrection:
         alignment = replace(config.alignment, enabled=self.way in ("map", "auto"))
         return replace(config, alignment=alignment)
 
-    def corrected(
-        self, recording: PendingRecording, force: bool
-    ) -> tuple[PendingRecording, CorrectedPoses | None]:
-        """Return a recording with poses corrected by a graph, and these; the same if by none.
+    def check_file(self, output: Path, inputs: Iterable[Path | None], force: bool) -> None:
+        """Make sure that the trajectory can be saved, and not over anything else that is in use.
 
         Args:
-            recording: what is to be mapped.
+            output: the map that is to be saved.
+            inputs: files that are read, and folders of which any file may be.
             force: whether a trajectory file is replaced.
 
         Raises:
+            HypermapError: If it cannot.
+        """
+        if self.save is None:
+            return
+        target = self.save.resolve()
+        if target == output.resolve():
+            raise HypermapError(f"--save-poses {self.save}: the map is saved there; give another")
+        for path in filter(None, inputs):
+            of_folder = path.resolve() in target.parents and target.exists()
+            if of_folder or target == path.resolve():
+                raise HypermapError(
+                    f"--save-poses {self.save}: this is {'a file of ' if of_folder else ''}"
+                    f"{path}, which is read; give another name"
+                )
+        check_output(self.save, force)
+
+    def corrected(self, recording: PendingRecording) -> CorrectedJob:
+        """Return a recording with poses corrected by a graph; the same if by none.
+
+        A signal ends the correction: what was read so far is what is to be mapped.
+
+        Args:
+            recording: what is to be mapped.
+
+        Raises:
             HypermapError: If the trajectory cannot be saved.
+            typer.Exit: If a signal came before any frame.
         """
         if not self.by_graph:
-            return recording, None
+            return CorrectedJob(recording, None, Stop())
+        from hypermap.cli.stopping import StoppableRecording
         from hypermap.formats.atomic import write_file
         from hypermap.mapping.pose_graph import CorrectedRecording, correct_poses
 
-        if self.save is not None:
-            check_output(self.save, force)
-        with counting("correcting poses", len(recording), "frames") as count:
-            made = correct_poses(recording, count)
+        with stop_on_signal() as stop:
+            stoppable = StoppableRecording(recording, stop, "correcting the poses read so far")
+            with counting("correcting poses", len(recording), "frames") as count:
+                made = correct_poses(stoppable, count)
+        if stop.is_wanted and not made.poses:
+            note("no frame was read so far, so nothing is saved")
+            raise typer.Exit(stop.exit_code)
         if self.save is not None:
             write_file(self.save, made.tum().encode())
             note(f"saved {self.save}")
-        return CorrectedRecording(recording, made.poses), made
+        if stop.is_wanted:
+            frames = counted(len(made.poses), "frame")
+            note(
+                f"mapping the {frames} whose poses were corrected before {stop.name}; Ctrl-C now "
+                "saves the map so far"
+            )
+        corrected = CorrectedRecording(recording, made.poses, stoppable.until)
+        return CorrectedJob(corrected, made, stop, stoppable.until)
+
+
+@dataclass(frozen=True)
+class CorrectedJob:
+    """What is to be mapped, once its poses are corrected.
+
+    Attributes:
+        recording: with corrected poses.
+        poses: these; None if they were not corrected by a graph.
+        stop: whether a signal has ended the correction.
+        until: stamp of the newest frame of the recording [s]; infinite if none is left out.
+    """
+
+    recording: PendingRecording
+    poses: CorrectedPoses | None
+    stop: Stop
+    until: float = math.inf
 
 
 def known_map(base: Hypermap, config: MappingConfig) -> bool:

@@ -29,7 +29,7 @@ from hypermap.cli.logs import Log, logging_to
 from hypermap.cli.map_job import Job, Made, make_map
 from hypermap.cli.map_result import note_unseen, save_result, summarize
 from hypermap.cli.map_values import Values, read_values, with_values
-from hypermap.cli.onto import is_same_file, map_to_go_on_with, settings_of
+from hypermap.cli.onto import SamePlace, is_same_file, map_to_go_on_with, settings_of
 from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.preflight_notes import PreflightNotes
 from hypermap.cli.recording_options import RecordingRequest, takes_recording_options
@@ -85,6 +85,7 @@ def command(
         ),
     ] = None,
     onto: Onto = None,
+    same_place: SamePlace = False,
     poses: Annotated[
         Path | None,
         typer.Option(
@@ -171,7 +172,9 @@ def command(
 
     --onto continues a map of earlier drives, with its settings, as if mapping had never stopped.
     Other layers stay as they are. Frames that the map already contains do not count twice.
-    --poses first corrects the poses of the frames in it; then RECORDING may be left out.
+    A recording that does not show the place of that map, or whose poses are in another frame, is
+    refused: --same-place maps it anyway. --poses first corrects the poses of the frames in the map;
+    then RECORDING may be left out.
 
     Poses are corrected by the occupancy map if it is known. --correct-poses graph corrects poses
     that drift, such as those of odometry, without a map; it reads the recording twice. Poses that
@@ -198,6 +201,8 @@ def command(
     check_map_output(output, force or is_same_file(output, onto))
     if path is None:
         _check_needs_no_recording(value, correct_poses, save_poses)
+    if same_place and onto is None:
+        raise HypermapError("--same-place: only with --onto")
     base = map_to_go_on_with(onto, map_file)
     if poses is not None:
         base = corrected(base, onto, poses, request.options)
@@ -222,20 +227,21 @@ def command(
     settings = correction.settings(settings)
     min_score = settings.perception.min_score
     origin = _origin(recording, detector, labels, min_score, detections, objects)
-    recording, corrected_poses = correction.corrected(recording, force)
+    correction.check_file(output, [path, onto, map_file, config, detections, labels], force)
+    fixed = correction.corrected(recording)
     job = Job(
-        recording=recording,
         origin=origin,
         source=None if origin is None else origin.open(),
         settings=settings,
         occupancy=occupancy,
         base=base,
         onto=onto,
+        is_same_place=same_place,
         max_bad=0.0 if strict else max_bad,
         embedder=_embedder(embedder),
         workers=workers,
         address=address,
-        corrected_poses=corrected_poses,
+        corrected=fixed,
     )
     frames = len(recording)  # which reads a bag through once
     with watching(view, recording.path.name, output, frames, port, browser) as watched:
@@ -268,20 +274,24 @@ def _run(
     """Map the recording, save and summarize the map; return the exit code."""
     from hypermap.mapping.preflight import Preflight
 
-    name, notes = job.recording.path.name, PreflightNotes()
+    name, notes = job.corrected.recording.path.name, PreflightNotes()
     preflight = Preflight(notes.add, job.settings.perception.max_depth, options.world_pose())
-    with stop_on_signal() as stop, logging_to(log, name, job.recording.frame_id) as logged:
+    with (
+        stop_on_signal() as stop,
+        logging_to(log, name, job.corrected.recording.frame_id) as logged,
+    ):
         watchers = [watch for watch in (watched.frame, logged) if watch is not None]
         made = make_map(job, frames, stop, watched, watchers, preflight)
+        ended = stop if stop.is_wanted else job.corrected.stop
         if made.counts.used == 0 and not values and is_same_file(output, job.onto):
-            _end_unchanged(output, name, stop, made)
-        hypermap = with_values(made.hypermap, values, made.until)
+            _end_unchanged(output, name, ended, made)
+        hypermap = with_values(made, values)
         save_result(hypermap, output, evidence, job.onto)
     summarize(hypermap, output)
     note_unseen(made.hypermap, job.settings)
     notes.remind()
-    _finish(watched, output, stop, made)
-    return 0 if made.is_whole else stop.exit_code
+    _finish(watched, output, ended, made)
+    return ended.exit_code if job.corrected.stop.is_wanted or not made.is_whole else 0
 
 
 def _embedder(path: str | None) -> Embedder | None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import typer
 
-from hypermap.cli.corrected_poses import described
+from hypermap.cli.corrected_poses import CorrectedJob, described
 from hypermap.cli.map_result import note_frames
 from hypermap.cli.onto import named
 from hypermap.cli.signals import Stop
@@ -28,43 +28,49 @@ if TYPE_CHECKING:
     from hypermap.fleet.ahead import LookedAtAhead
     from hypermap.mapping.config import MappingConfig
     from hypermap.mapping.counts import Counts
+    from hypermap.mapping.floor_motions import PoseChanges
     from hypermap.mapping.mapper import MappedFrame, Mapper
-    from hypermap.mapping.pose_graph import CorrectedPoses
     from hypermap.mapping.preflight import Preflight
     from hypermap.mapping.recording_to_map import Progress
     from hypermap.perception.detectors.origin import DetectionOrigin
     from hypermap.perception.embedders.embedder import Embedder
     from hypermap.perception.frame import DetectionSource
-    from hypermap.perception.recording import PendingRecording
 
     Watcher: TypeAlias = Callable[[MappedFrame, Mapper], None]
 
 
 @dataclass(frozen=True)
 class Job:
-    """What to map, onto what, and how; `base` is the map of the file `onto`."""
+    """What to map, onto what, and how.
 
-    recording: PendingRecording
+    `base` is the map of the file `onto`; `is_same_place` whether the user vouches for its frame.
+    """
+
     origin: DetectionOrigin | None
     source: DetectionSource | None
     settings: MappingConfig
     occupancy: OccupancyLayer | None
     base: Hypermap | None
     onto: Path | None
+    is_same_place: bool
     max_bad: float
     embedder: Embedder | None
     workers: int | None
     address: str | None
-    corrected_poses: CorrectedPoses | None
+    corrected: CorrectedJob
 
 
 @dataclass(frozen=True)
 class Made:
-    """A map, what became of the frames, and until when they are those of the recording [s]."""
+    """A map, what became of the frames, and until when they are those of the recording [s].
+
+    `moves` are the corrections of their poses, one after the other.
+    """
 
     hypermap: Hypermap
     counts: Counts
     until: float
+    moves: tuple[PoseChanges, ...]
 
     @property
     def is_whole(self) -> bool:
@@ -83,11 +89,17 @@ def make_map(
     """Map the recording until its end or `stop`."""
     from hypermap.cli.progress import mapping_progress
     from hypermap.cli.stopping import StoppableRecording
+    from hypermap.mapping.floor_motions import PoseChanges
     from hypermap.mapping.recording_to_map import map_recording
+    from hypermap.mapping.same_place import OtherPlace
 
-    started = time.monotonic()
+    started, changes = time.monotonic(), PoseChanges()
     with mapping_progress(frames) as report, _looking_ahead(job) as ahead:
-        stoppable, pace = StoppableRecording(ahead or job.recording, stop), _Paced(report)
+
+        def prepare(mapper: Mapper) -> None:
+            mapper.pose_changes = changes
+
+        stoppable, pace = StoppableRecording(ahead or job.corrected.recording, stop), _Paced(report)
         try:
             with named(job.onto):
                 hypermap = map_recording(
@@ -102,15 +114,21 @@ def make_map(
                     job.base,
                     job.embedder,
                     ahead,
+                    job.is_same_place,
+                    prepare,
                 )
+        except OtherPlace as error:
+            raise OtherPlace(f"{job.onto}: {error}") from error
         except HypermapError:
             if stoppable.ended_early:
                 note("no frame was mapped so far, so nothing is saved")
                 raise typer.Exit(stop.exit_code) from None
             raise
-    hypermap.metadata = described(hypermap.metadata, job.corrected_poses)
+    by_graph = job.corrected.poses
+    hypermap.metadata = described(hypermap.metadata, by_graph)
     note_frames(hypermap, pace.counts, job.settings, time.monotonic() - started, pace.rate)
-    return Made(hypermap, pace.counts, stoppable.until)
+    moves = (changes,) if by_graph is None else (by_graph.changes(), changes)
+    return Made(hypermap, pace.counts, min(stoppable.until, job.corrected.until), moves)
 
 
 class _Paced:
@@ -146,4 +164,4 @@ def _looking_ahead(job: Job) -> Iterator[LookedAtAhead | None]:
     from hypermap.fleet.ahead import LookedAtAhead
 
     with opened_workers(job.workers, job.address, MOST_WORKERS) as workers:
-        yield LookedAtAhead(job.recording, workers, job.origin)
+        yield LookedAtAhead(job.corrected.recording, workers, job.origin)

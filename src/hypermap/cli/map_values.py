@@ -13,6 +13,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
+    from hypermap.cli.map_job import Made
     from hypermap.core.hypermap import Hypermap
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
@@ -101,14 +102,16 @@ def _read(source: ValueSource, recording: Recording, options: RecordingOptions) 
     return replace(measured, quantity=source.name(measured.quantity))
 
 
-def with_values(hypermap: Hypermap, values: dict[str, Measured], until: float) -> Hypermap:
-    """Return the map with the layers of samples, which join those of layers of the same names.
+def with_values(made: Made, values: dict[str, Measured]) -> Hypermap:
+    """Return a map with the layers of samples, which join those of layers of the same names.
+
+    Samples move with the frames of their time, whose poses were corrected.
 
     Args:
-        hypermap: the map, in whose base frame the samples are.
+        made: the map, in whose base frame the samples are.
         values: of `read_values`.
-        until: stamp of the newest samples to use [s].
     """
+    hypermap = made.hypermap
     if not values:
         return hypermap
     from hypermap.core.occupancy import OccupancyLayer
@@ -118,7 +121,9 @@ def with_values(hypermap: Hypermap, values: dict[str, Measured], until: float) -
     walls = next((layer for layer in hypermap if isinstance(layer, OccupancyLayer)), None)
     for name, measured in values.items():
         known = known_layer(hypermap, name)
-        samples = measured.samples.chosen(measured.samples.stamps <= until)
+        samples = measured.samples.chosen(measured.samples.stamps <= made.until)
+        for changes in made.moves:
+            samples = changes.moved(samples)
         if known is not None and known.samples is not None:
             kept = samples_of(hypermap, known, frame)
             new = new_among(samples, kept)

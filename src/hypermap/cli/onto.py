@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.mapping.config import MappingConfig
+
+SamePlace = Annotated[
+    bool,
+    typer.Option(
+        "--same-place",
+        help="RECORDING shows the place of --onto, in the same frame: do not check that.",
+    ),
+]
 
 
 def is_same_file(one: Path, other: Path | None) -> bool:

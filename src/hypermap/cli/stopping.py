@@ -20,11 +20,14 @@ class StoppableRecording(SameRecording):
         until: the newest stamp that belongs to what was read [s]; infinite if it did not end early.
     """
 
-    def __init__(self, recording: Recording, stop: Stop) -> None:
+    def __init__(
+        self, recording: Recording, stop: Stop, then: str = "saving the map so far"
+    ) -> None:
+        """Prepare it; `then` says what is done once it is stopped."""
         self.ended_early = False
         self.until = math.inf
         super().__init__(recording)
-        self._stop = stop
+        self._stop, self._then = stop, then
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time, until the user stops it."""
@@ -33,7 +36,7 @@ class StoppableRecording(SameRecording):
             if self._stop.is_wanted:
                 self.ended_early, self.until = True, newest
                 way_out = ", Ctrl-C again gives up" if self._stop.number == signal.SIGINT else ""
-                note(f"stopping; saving the map so far{way_out}")
+                note(f"stopping; {self._then}{way_out}")
                 return
             newest = max(newest, frame.stamp)
             yield frame

@@ -61,6 +61,11 @@ class Drive:
         """Whether its clock is more than a day ahead of ours, so that it is wrong."""
         return bool(self.keys) and self.last > time.time() + _AHEAD
 
+    @property
+    def has_no_clock(self) -> bool:
+        """Whether its stamps count from the start of something, not from 1970."""
+        return bool(self.keys) and self.last <= _NO_CLOCK
+
     def described(self) -> dict[str, Any]:
         """Return its entry in a map's metadata; times are in UTC if the clock is right."""
         facts: dict[str, Any] = {"name": self.name, "frames": len(self.keys)}

@@ -80,3 +80,26 @@ class FloorMotions:
         moved = ends[0] + share[:, np.newaxis] * (ends[1] - ends[0])
         places = np.where(belongs[:, np.newaxis], moved, samples.points_xy)
         return replace(samples, points_xy=places)
+
+
+class PoseChanges:
+    """How the poses of the frames of one drive were corrected, frame by frame."""
+
+    def __init__(self) -> None:
+        self._stamps: list[float] = []
+        self._before: list[NDArray[np.float64]] = []
+        self._after: list[NDArray[np.float64]] = []
+
+    def add(self, stamp: float, before: NDArray[np.float64], after: NDArray[np.float64]) -> None:
+        """Add a frame: its stamp [s], and map_T_camera before and after, shape (4, 4)."""
+        self._stamps.append(stamp)
+        self._before.append(before)
+        self._after.append(after)
+
+    def moved(self, samples: Samples) -> Samples:
+        """Return samples of the drive, moved as the frames of their time were."""
+        if not self._stamps:
+            return samples
+        drive = Drive("", min(self._stamps), max(self._stamps))
+        stamps, before, after = map(np.array, (self._stamps, self._before, self._after))
+        return FloorMotions.between(stamps, before, after, [drive]).moved(samples)

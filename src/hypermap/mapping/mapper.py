@@ -25,6 +25,7 @@ from hypermap.mapping.correcting import Correction, corrected_poses, map_again
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.drives import Drive, EarlierDrives, wall_clock
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.floor_motions import PoseChanges
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, packed_frame
 from hypermap.mapping.going_on import (
     CannotGoOn,
@@ -42,6 +43,7 @@ from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
 from hypermap.mapping.pictures import keep_pictures
+from hypermap.mapping.same_place import PlaceCheck
 from hypermap.mapping.sample_places import with_moved_samples
 from hypermap.mapping.usable import why_unusable
 from hypermap.perception.detections import Detections
@@ -91,6 +93,9 @@ class Mapper:
         perceive: returns what a single frame shows, given the perceiver; may look up results that
             were computed before.
         keyframes: skips frames whose camera has hardly moved.
+        place: told of each mapped frame, to find out whether it shows the place of the map; None
+            to leave that out.
+        pose_changes: told how the pose of each mapped frame was corrected; None for nobody.
     """
 
     def __init__(
@@ -120,6 +125,8 @@ class Mapper:
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
         self.embedder: Embedder | None = None
         self.perceive: Perceive = _perceive_now
+        self.place: PlaceCheck | None = None
+        self.pose_changes: PoseChanges | None = None
         self._source = source or no_detections
         self._has_objects = self._looks_for_objects = source is not None
         self.keyframes = KeyframeSelector(config.keyframes)
@@ -226,6 +233,10 @@ class Mapper:
         if not self._fuse(frame.stamp, perceived):
             return None
         self._drive.add(frame)
+        if self.place is not None:
+            self.place.add(aligned, perceived)
+        if self.pose_changes is not None:
+            self.pose_changes.add(frame.stamp, frame.map_T_camera, aligned.map_T_camera)
         logged = LoggedFrame(perceived.observation, perceived.cells, self._looks_for_objects)
         self._frame_log.add(frame.stamp, packed_frame(logged), aligned.map_T_camera)
         self._count(used=1)
@@ -429,6 +440,13 @@ class Mapper:
                 "was; is the robot's clock right?",
                 self._drive.name,
                 wall_clock(self._drive.last),
+            )
+        if self._drive.has_no_clock and any(one.time is not None for one in self._earlier.drives):
+            _log.warning(
+                "the stamps of %r do not count from 1970 (%.3f s), as those of earlier drives do, "
+                "so the map does not know when this drive was; is the robot's clock set?",
+                self._drive.name,
+                self._drive.last,
             )
 
     @property

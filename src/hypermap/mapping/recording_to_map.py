@@ -14,6 +14,7 @@ from hypermap.mapping.counts import Counts
 from hypermap.mapping.mapper import BadFrame, MappedFrame, Mapper
 from hypermap.mapping.perceived import Perceived, Perceiver
 from hypermap.mapping.preflight import Preflight
+from hypermap.mapping.same_place import PlaceCheck
 from hypermap.perception.embedders.embedder import Embedder
 from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.recording import Recording
@@ -63,6 +64,8 @@ def map_recording(
     onto: Hypermap | None = None,
     embedder: Embedder | None = None,
     ahead: Ahead | None = None,
+    same_place: bool = False,
+    prepare: Callable[[Mapper], None] | None = None,
 ) -> Hypermap:
     """Return the map of a recording.
 
@@ -87,8 +90,12 @@ def map_recording(
             that of the recording ignored.
         embedder: encodes what frames show of objects; None for no embeddings.
         ahead: perceives the frames of this recording before they are mapped.
+        same_place: whether it is known that the poses are in the frame of `onto`; otherwise what
+            the frames show is compared with it.
+        prepare: called with the mapper before the first frame.
 
     Raises:
+        OtherPlace: If the recording does not show the place of `onto`.
         HypermapError: If the recording or the source fails too often, no frame is usable, or
             mapping cannot continue the map.
         ValueError: If both `occupancy` and `onto` are given.
@@ -105,6 +112,10 @@ def map_recording(
     if ahead is not None:
         mapper.perceive = ahead.perceive
         ahead.begin(mapper)
+    if onto is not None and not same_place:
+        mapper.place = PlaceCheck(onto, mapper.config.occupancy)
+    if prepare is not None:
+        prepare(mapper)
     preflight = preflight or Preflight(max_depth=config.perception.max_depth)
     bad = _BadFrames(mapper, recording, max_bad)
     for frame in recording.frames(bad.add):
@@ -114,6 +125,8 @@ def map_recording(
         except BadFrame as error:
             bad.add(frame.stamp, error)
             is_mapped = False
+        if mapper.place is not None:
+            mapper.place.check(recording.path.name)
         if mapper.counts.unusable == unusable:
             preflight.add(frame)
         if is_mapped:
@@ -122,6 +135,8 @@ def map_recording(
             counts = mapper.counts
             on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
     bad.finish()
+    if mapper.place is not None:
+        mapper.place.check(recording.path.name, is_last=True)
     mapper.tell_left_out()
     preflight.finish()
     hypermap = mapper.hypermap()

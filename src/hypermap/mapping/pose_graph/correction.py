@@ -18,6 +18,7 @@ from hypermap.mapping.corrections import (
     WORSE_BY_MATCHES,
     Corrections,
 )
+from hypermap.mapping.floor_motions import PoseChanges
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.pose_graph.building import Building
 from hypermap.mapping.pose_graph.planar import Array, compose, inverse, moved, planar, wrapped
@@ -47,15 +48,24 @@ class CorrectedPoses:
         poses: `map_T_camera` of the usable frames, shape (4, 4), by stamp [s], in order.
         loops: number of loop closures.
         corrections: how many poses were corrected, and by how much.
+        recorded: the same poses as they were recorded.
     """
 
     poses: Mapping[float, Array]
     loops: int
     corrections: Corrections
+    recorded: Mapping[float, Array]
 
     def summary(self) -> dict[str, Any]:
         """Return the counts, for a map's metadata; see `Corrections.summary`."""
         return self.corrections.summary() | {"by": "a pose graph", "loops": self.loops}
+
+    def changes(self) -> PoseChanges:
+        """Return how each pose was corrected."""
+        changes = PoseChanges()
+        for stamp, pose in self.poses.items():
+            changes.add(stamp, self.recorded[stamp], pose)
+        return changes
 
     def tum(self) -> str:
         """Return the poses as a trajectory file in TUM format."""
@@ -90,21 +100,33 @@ def correct_poses(
 
 
 class CorrectedRecording(SameRecording):
-    """A recording with other poses; frames without one keep theirs."""
+    """A recording with other poses; frames without one keep theirs.
 
-    def __init__(self, recording: PendingRecording, poses: Mapping[float, Array]) -> None:
+    Frames after `until` [s] are left out: nobody has corrected their poses.
+    """
+
+    def __init__(
+        self,
+        recording: PendingRecording,
+        poses: Mapping[float, Array],
+        until: float = math.inf,
+    ) -> None:
         super().__init__(recording)
-        self._pending, self._poses = recording, poses
+        self._pending, self._poses, self._until = recording, poses, until
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time; see `Recording.frames`."""
         for frame in self._recording.frames(on_bad):
+            if frame.stamp > self._until:
+                return
             pose = self._poses.get(frame.stamp)
             yield frame if pose is None else frame.moved_to(pose)
 
     def pending(self, on_bad: OnBadFrame | None = None) -> Iterator[PendingFrame]:
         """Yield the frames, not yet read; see `PendingRecording.pending`."""
         for frame in self._pending.pending(on_bad):
+            if frame.stamp > self._until:
+                return
             pose = self._poses.get(frame.stamp)
             if pose is None:
                 yield frame
@@ -146,14 +168,14 @@ class _Collected:
         if (reason := self._why_not()) is not None:
             for _ in self._poses:
                 corrections.leave(reason)
-            return CorrectedPoses(self._poses, building.loops.closed, corrections)
+            return CorrectedPoses(self._poses, building.loops.closed, corrections, self._poses)
         poses = self._moved_poses()
         for stamp, pose in poses.items():
             before = self._poses[stamp]
             shift = pose[:2, 3] - before[:2, 3]
             turn = wrapped(planar(pose)[2] - planar(before)[2])
             corrections.add(float(np.hypot(*shift)), float(turn))
-        return CorrectedPoses(poses, building.loops.closed, corrections)
+        return CorrectedPoses(poses, building.loops.closed, corrections, self._poses)
 
     def _why_not(self) -> str | None:
         """Return why all poses stay as recorded; None if they do not."""

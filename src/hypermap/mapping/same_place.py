@@ -1,0 +1,256 @@
+"""Whether a drive shows the place of the map that it is mapped onto.
+
+A drive through another place, or one whose poses are in another frame, would spoil the map. What
+the drive shows by itself is therefore compared with the map before it: walls with walls, as far as
+both know the area, and each sighting of an object with the objects of that name.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.alignment.grids import Field, Scan, scan_of
+from hypermap.core.arrays import FloatArray, as_objects
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.mapping.occupancy import OccupancyMapper
+from hypermap.mapping.perceived import Perceived
+from hypermap.mapping.stages import OccupancyConfig
+from hypermap.perception.frame import RgbdFrame
+
+_FIRST_LOOK = 16  # frames before the first comparison; each later one is at twice as many
+_WALL = 0.08  # [m] up to which walls are the same, beside half a cell of each map
+_NEAR = 0.3  # [m] up to which a sighting is of an object of that name
+_LEAST_WALL, _LEAST_SIGHTINGS = 4.0, 15  # [m] of walls and number of sightings that can tell
+# Shares of walls, beyond chance, and of sightings. On simulated drives a day apart through six
+# worlds, with errors up to harsh, the walls of one place agreed by 0.44 and more, and the sightings
+# by 0.54 and more, from 16 frames on. Of 120 drives through other places 116 are told; the others
+# are through a bare corridor, which looks like many.
+_WALLS_FIT, _WALLS_DIFFER, _WALLS_ALONE_DIFFER = 0.65, 0.55, 0.4
+_OBJECTS_FIT, _OBJECTS_DIFFER = 0.6, 0.5
+_ELSEWHERE = (
+    "is it another place, or are its poses in another frame? Map it without --onto and try "
+    "`hypermap align` and `hypermap merge`; --same-place maps it onto this map anyway"
+)
+
+_log = logging.getLogger(__name__)
+
+
+class OtherPlace(HypermapError):
+    """A drive does not show the place of the map that it is mapped onto."""
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How much of what a drive shows is in the map before it.
+
+    Attributes:
+        wall: length of the walls that could agree: those where both know the area [m].
+        agree: share of these that do, beyond what would agree by chance: 0 is no more than chance.
+        sightings: how many sightings of objects could agree: in the area that the map knows, of a
+            name that it has.
+        near: how many of these are near an object of that name.
+    """
+
+    wall: float
+    agree: float
+    sightings: int
+    near: int
+
+    @property
+    def walls_tell(self) -> bool:
+        """Whether there are enough walls to compare."""
+        return self.wall >= _LEAST_WALL
+
+    @property
+    def objects_tell(self) -> bool:
+        """Whether there are enough sightings of objects to compare."""
+        return self.sightings >= _LEAST_SIGHTINGS
+
+    @property
+    def fits(self) -> bool:
+        """Whether it is the same place, in the same frame."""
+        if not self.objects_tell:
+            return self.walls_tell and self.agree >= _WALLS_FIT
+        needed = _OBJECTS_DIFFER if self.agree >= _WALLS_FIT else _OBJECTS_FIT
+        return self.agree >= _WALLS_ALONE_DIFFER and self.near >= needed * self.sightings
+
+    @property
+    def differs(self) -> bool:
+        """Whether it is another place, or another frame; what tells nothing does not count."""
+        if not self.walls_tell or self.fits:
+            return False
+        if not self.objects_tell:
+            return self.agree < _WALLS_ALONE_DIFFER
+        return self.agree < _WALLS_DIFFER and self.near < _OBJECTS_DIFFER * self.sightings
+
+    def sentence(self) -> str:
+        """Return it in words."""
+        share = max(self.agree, 0)
+        walls = f"{share:.0%} of {self.wall:.0f} m of walls agree beyond chance"
+        if not self.sightings:
+            return walls
+        return (
+            f"{walls}, and {self.near} of {self.sightings} sightings of objects are near one of "
+            "that name"
+        )
+
+
+class PlaceCheck:
+    """Compares what a drive shows with the map that it is mapped onto.
+
+    Attributes:
+        likeness: at the last comparison; None before the first.
+    """
+
+    def __init__(self, before: Hypermap, config: OccupancyConfig) -> None:
+        """Prepare it.
+
+        Args:
+            before: the map before the drive.
+            config: how the cells that frames show are found.
+        """
+        self.likeness: Likeness | None = None
+        self._before = before
+        self._own = OccupancyMapper(config)
+        self._frames, self._next = 0, _FIRST_LOOK
+        self._sightings = self._near = 0
+        self._differed = 0  # comparisons, one after the other
+
+    def check(self, drive: str, is_last: bool = False) -> None:
+        """Make sure that it is one place, as far as that can be said by now.
+
+        Two comparisons must differ, or the last one.
+
+        Args:
+            drive: its name, for messages.
+            is_last: whether the drive is over. If it then is not sure that it is one place, that
+                is logged.
+
+        Raises:
+            OtherPlace: If it is another one.
+        """
+        likeness = self.compare() if is_last and not self._is_one_place else self.likeness
+        if likeness is not None and likeness.differs and (is_last or self._differed > 1):
+            raise OtherPlace(f"{drive} does not fit the map: {likeness.sentence()}; {_ELSEWHERE}")
+        if is_last and self._frames and not (likeness is not None and likeness.fits):
+            _log.warning("%s", self._unsure(drive))
+
+    def _unsure(self, drive: str) -> str:
+        likeness = self.likeness
+        if likeness is None or not (likeness.walls_tell or likeness.objects_tell):
+            return (
+                f"could not check whether {drive} shows the place of the map: they share too little"
+            )
+        return f"not sure whether {drive} shows the place of the map: {likeness.sentence()}"
+
+    @property
+    def _is_one_place(self) -> bool:
+        """Whether this is sure by now; walls alone may look alike for long, as in corridors."""
+        likeness = self.likeness
+        return likeness is not None and likeness.fits and likeness.objects_tell
+
+    def add(self, frame: RgbdFrame, perceived: Perceived) -> None:
+        """Add a frame as it is mapped, and compare, now and then."""
+        if self._is_one_place:
+            return
+        self._frames += 1
+        if self._scan is None:
+            return
+        seen = perceived.cells or self._own.seen_in(frame)
+        try:
+            self._own.change_by(seen)()
+        except HypermapError:  # the map itself grows too large, too, and says so
+            return
+        for item in perceived.observation.objects:
+            known = self._objects.get(item.name)
+            if known is not None and self._is_known(item.footprint.centroid):
+                self._sightings += 1
+                self._near += bool(known.distance(item.footprint) <= _NEAR)
+        if self._frames >= self._next:
+            self._next *= 2
+            likeness = self.compare()
+            differs = likeness is not None and likeness.differs
+            self._differed = self._differed + 1 if differs else 0
+
+    def compare(self) -> Likeness | None:
+        """Return how much of the drive so far is in the map; None if that cannot be said."""
+        own = self._own.layer(frame_id=self._before.base_frame)
+        if self._scan is None or own.cells is None:
+            return None
+        try:
+            drive = scan_of(Hypermap([own]))
+        except HypermapError:  # it has no walls, or nothing free, so far
+            return None
+        on_drive = Field.of(drive, drive.resolution, margin=0.0)
+        within = _WALL + (drive.resolution + self._scan.resolution) / 2
+        assert self._field is not None
+        total = np.zeros(3)
+        for scan, field in ((drive, self._field), (self._scan, on_drive)):
+            total += scan.resolution / 2 * np.array(_compared(scan, field, within))
+        wall, same, by_chance = total.tolist()
+        more, most = same - by_chance, wall - by_chance
+        share = more / most if most > 0 else 0.0
+        self.likeness = Likeness(wall, share, self._sightings, self._near)
+        return self.likeness
+
+    @cached_property
+    def _scan(self) -> Scan | None:
+        """The map before as points; None if it has no walls, or nothing free."""
+        try:
+            return scan_of(self._before)
+        except HypermapError:
+            return None
+
+    @cached_property
+    def _field(self) -> Field | None:
+        return None if self._scan is None else Field.of(self._scan, self._scan.resolution, 0.0)
+
+    @cached_property
+    def _objects(self) -> dict[str, BaseGeometry]:
+        """The shapes of the map's objects, by name."""
+        shapes: dict[str, list[BaseGeometry]] = {}
+        for layer in self._before:
+            if isinstance(layer, SemanticLayer) and layer.frame_id == self._before.base_frame:
+                for item in layer.objects():
+                    shapes.setdefault(item.name, []).append(item.footprint)
+        return {name: shapely.union_all(as_objects(found)) for name, found in shapes.items()}
+
+    def _is_known(self, point: shapely.Point) -> bool:
+        assert self._field is not None
+        return bool(self._field.at(np.array([[point.x, point.y]]))[1][0])
+
+
+def _compared(scan: Scan, field: Field, within: float) -> tuple[float, float, float]:
+    """Return how many walls of a map those of another could be, and how many are.
+
+    Args:
+        scan: of the one map.
+        field: of the other.
+        within: how near a wall must be to be the same [m].
+
+    Returns:
+        Cells of walls where both maps know the area; of these, those that are the same in both;
+        and how many would be by chance, as any other known cells are.
+    """
+    near, known = _near(scan.occupied_xy, field, within)
+    near_free, known_free = _near(scan.free_xy, field, within)
+    share = (near + near_free) / max(1, known + known_free)
+    return known, near, share * known
+
+
+def _near(points_xy: FloatArray, field: Field, within: float) -> tuple[int, int]:
+    """Return how many points are near walls of a map, and how many in the area that it knows."""
+    height, width = field.known.shape
+    at = (points_xy - field.origin_xy) / field.resolution
+    is_on_it = ((at >= -1) & (at <= (width + 1, height + 1))).all(axis=1)
+    distance, is_known = field.at(points_xy)
+    is_near = is_on_it & (distance <= within)
+    return int(np.count_nonzero(is_near)), int(np.count_nonzero(is_known | is_near))

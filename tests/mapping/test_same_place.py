@@ -1,0 +1,106 @@
+"""Whether a drive shows the place of the map that it is mapped onto."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import logging
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import Hypermap
+from hypermap.mapping.config import profile
+from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.recording_to_map import map_recording
+from hypermap.mapping.same_place import OtherPlace, PlaceCheck
+from hypermap.perception.detectors.sources import detections_from_recording
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.recording import SameRecording
+from hypermap.simulation import SimulatedRecording, demo_world
+from hypermap.simulation.levels import errors_of_level
+
+pytestmark = pytest.mark.xdist_group("same_place")  # they share what takes long to make
+
+SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
+SOURCE = detections_from_recording()
+DAY = 86_400.0
+
+
+@functools.cache
+def recording() -> SimulatedRecording:
+    return SimulatedRecording.with_errors(
+        demo_world(), errors_of_level("robot"), camera=SMALL, rate=0.45, has_occupancy=False
+    )
+
+
+@functools.cache
+def drive() -> list[RgbdFrame]:
+    return list(recording().frames())
+
+
+@functools.cache
+def first_day() -> Hypermap:
+    mapper = Mapper(profile("default"), SOURCE, drive="day")
+    for each in drive():
+        mapper.add(each)
+    return mapper.hypermap()
+
+
+class NextDay(SameRecording):
+    """The same drive a day later, in a frame that may be another."""
+
+    def __init__(self, world: Pose2D, count: int | None = None) -> None:
+        super().__init__(recording())
+        self._world, self._count = world, count
+
+    def frames(self, _on_bad: object = None) -> Iterator[RgbdFrame]:
+        matrix = np.eye(4)
+        matrix[np.ix_([0, 1, 3], [0, 1, 3])] = self._world.matrix()
+        for frame in drive()[: self._count]:
+            later = dataclasses.replace(frame, stamp=frame.stamp + DAY, color_stamp=None)
+            yield later.moved_to(matrix @ frame.map_T_camera)
+
+
+def mapped(drive: NextDay, onto: Hypermap, has_objects: bool = True, **options: bool) -> Hypermap:
+    source = SOURCE if has_objects else None
+    return map_recording(drive, source, profile("default"), onto=onto, **options)
+
+
+@pytest.mark.parametrize("has_objects", [True, False])
+def test_the_same_place_a_day_later_is_mapped_without_a_word(caplog, has_objects):
+    made = mapped(NextDay(Pose2D(0.05, 0.05, 0.01)), first_day(), has_objects)
+    assert made.metadata["frames"]["used"] > first_day().metadata["frames"]["used"]
+    assert "shows the place" not in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("world", "has_objects"),
+    [(Pose2D(2.5, 1.0, 0.0), True), (Pose2D(2.5, 1.0), False), (Pose2D(6.0, 4.0, np.pi), False)],
+)
+def test_a_drive_in_another_frame_is_refused(world, has_objects):
+    with pytest.raises(OtherPlace, match=r"does not fit the map: \d+% of \d+ m of walls agree"):
+        mapped(NextDay(world), first_day(), has_objects)
+
+
+def test_it_is_mapped_anyway_if_the_user_vouches_for_it():
+    drive = NextDay(Pose2D(2.5, 1.0, 0.0), count=2)
+    assert mapped(drive, first_day(), has_objects=False, same_place=True).metadata["frames"]
+
+
+def test_a_drive_that_shares_too_little_is_mapped_with_a_word(caplog):
+    caplog.set_level(logging.WARNING)
+    mapped(NextDay(Pose2D(50.0, 0.0, 0.0), count=3), first_day(), has_objects=False)
+    assert "could not check whether" in caplog.text
+
+
+def test_a_map_without_walls_cannot_be_compared(caplog):
+    caplog.set_level(logging.WARNING)
+    check = PlaceCheck(Hypermap(), profile("default").occupancy)
+    mapper = Mapper(profile("default"), None)
+    mapper.place = check
+    mapper.add(drive()[0])
+    check.check("tuesday", is_last=True)
+    assert "could not check whether tuesday shows the place of the map" in caplog.text
