@@ -51,7 +51,7 @@ class Series:
 
     Attributes:
         world: on the first day.
-        seed: of all chance.
+        seed: of the random number generator.
         errors: of camera, localization and detector.
         rate: frames per second.
         days: how many drives.

@@ -35,7 +35,7 @@ class SimulatedDrive:
 
     Attributes:
         world: what there is to see.
-        seed: of all chance.
+        seed: of the random number generator.
         errors: of camera, localization and detector.
         rate: frames per second.
         has_network: whether the network that comes with the package detects the objects in the

@@ -63,7 +63,7 @@ def _noise(frame: RgbdFrame, _before: RgbdFrame, rng: np.random.Generator) -> Rg
 
 
 def _frozen(frame: RgbdFrame, before: RgbdFrame, _rng: np.random.Generator) -> RgbdFrame:
-    """The images and detections of the frame before, while the robot went on."""
+    """The images and detections of the frame before, although the robot has moved."""
     return replace(frame, depth=before.depth, color=before.color, detections=before.detections)
 
 
@@ -133,8 +133,8 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         "with a mad detector": _mad_detector,
     }
 )
-"""Each kind of fault by its name: takes a frame, the good one before it and the source of chance,
-and returns what arrives, or None if nothing does."""
+"""The faults by name. Each takes a frame, the good one before it and a random number generator,
+and returns the bad frame, or None if no frame arrives."""
 
 
 def draw_fault(share: float, rng: np.random.Generator) -> str | None:

@@ -1,4 +1,4 @@
-"""Writes a recording as a ROS 1 bag, as a robot with a depth camera would have recorded it."""
+"""Writes a recording as a ROS 1 bag, as a robot with a depth camera would record it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Worlds that change from day to day: things are moved, taken away, brought, and swapped."""
+"""Worlds that change from day to day: things are moved, removed, added and swapped."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def next_day(day: Day, seed: int, counts: DailyChanges | None = None) -> Day:
 
     Args:
         day: the day before.
-        seed: of all chance.
+        seed: of the random number generator.
         counts: how much changes; None for the defaults.
     """
     counts = counts or DailyChanges()
@@ -174,7 +174,7 @@ class _Draft:
         return True
 
     def add(self) -> bool:
-        """Bring one more of the things that are there."""
+        """Add a copy of a thing."""
         room = self._room
         group = self._unchanged(room)
         if len(group) != 1:
@@ -190,7 +190,7 @@ class _Draft:
         return True
 
     def turn_door(self) -> bool:
-        """Close a door in whose way the robot does not drive, or open it again."""
+        """Close a door through which the robot does not drive, or open it again."""
         closed = [i for i, thing in enumerate(self._world.objects) if thing.name == "door"]
         closed = [i for i in closed if self._is_new(i)]
         if closed and self._rng.random() < 0.5:

@@ -103,7 +103,7 @@ class DepthNoise:
 
         Args:
             view: the true scene, and the scene behind glass.
-            rng: the source of randomness.
+            rng: random number generator.
             dark: which things are dark, by their instance; None for none.
         """
         true = view.depth
@@ -219,7 +219,7 @@ def quantized(depth: Depth, step: float, focal_baseline: float = FOCAL_BASELINE)
 
 
 def _beside_jump(depth: Depth) -> BoolArray:
-    """Return the pixels on both sides of a jump in depth, or of the end of what was hit."""
+    """Return the pixels on both sides of a depth edge, or of the border of what was hit."""
     z = np.nan_to_num(depth, nan=1e6)
     jump = np.zeros(z.shape, dtype=bool)
     across = np.abs(np.diff(z, axis=1)) > _JUMP * np.minimum(z[:, 1:], z[:, :-1])
@@ -241,7 +241,7 @@ def _between(depth: Depth, rng: np.random.Generator) -> Depth:
 
 
 def _smooth_noise(shape: tuple[int, ...], length: float, rng: np.random.Generator) -> Depth:
-    """Return noise with a standard deviation of 1 that is alike within about `length` pixels."""
+    """Return noise with a standard deviation of 1, correlated over about `length` pixels."""
     sigma = length / 2
     white = rng.standard_normal(shape, dtype=np.float32)
     smooth = scipy.ndimage.gaussian_filter(white, sigma, mode="wrap", truncate=3)

@@ -85,7 +85,7 @@ EXACT_DETECTOR = DetectorNoise(
 
 
 class NoisyDetector:
-    """Finds objects by their true pixels, and errs; it remembers what it has lost for a while."""
+    """Finds objects by their true pixels, with errors; some losses last for several frames."""
 
     def __init__(
         self,
@@ -99,10 +99,10 @@ class NoisyDetector:
 
         Args:
             names: the class of every object of the world, in their order.
-            noise: how it errs.
-            rng: all chance comes from here.
+            noise: its errors.
+            rng: random number generator.
             has_masks: whether it gives masks with its boxes.
-            lasting: what it gets wrong of which object the whole drive long; None for nothing.
+            lasting: errors that last the whole drive, by object; None for none.
         """
         self._names = list(names)
         self._classes = sorted(set(names))
@@ -169,7 +169,7 @@ class NoisyDetector:
         return self._blind_for > 0
 
     def _called(self, index: int) -> str:
-        """Return the class of an object, or the like one that it is often taken for."""
+        """Return the class of an object, or a similar class with which it is often confused."""
         alias = "" if self._lasting is None else self._lasting.aliases[index]
         is_alias = bool(alias) and self._rng.random() < self._noise.confusion_rate
         return alias if is_alias else self._names[index]

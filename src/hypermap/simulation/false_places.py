@@ -1,4 +1,4 @@
-"""Places where a detector sees things that are not there, each time that it looks from there."""
+"""Places where a detector has a false positive whenever it looks from one side."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class FalsePlace:
 
     Attributes:
         xyz: where it is, map frame [m], shape (3,).
-        toward: from there to where it looks like a thing from, of length 1, shape (3,).
+        toward: unit vector to where it looks like a thing from, shape (3,).
         size: of that thing [m].
         name: its class.
     """
@@ -50,12 +50,12 @@ def draw_false_places(
     """Draw places on walls and floors that a drive sees.
 
     Args:
-        count: how many; fewer come where a drive hardly sees any wall or floor.
+        count: how many; fewer if a drive hardly sees any wall or floor.
         poses: `map_T_camera` of the frames, shape (N, 4, 4).
         render: what is seen from a pose.
         camera: intrinsics of what is seen.
         names: classes to choose from.
-        rng: all chance comes from here.
+        rng: random number generator.
     """
     places = []
     for _ in range(count if names else 0):

@@ -46,7 +46,7 @@ def laser_map(world: World, rng: np.random.Generator, bend: Bend | None = None) 
 
     Args:
         world: what there is to see, with a drive. The laser sees no glass.
-        rng: all chance comes from here.
+        rng: random number generator.
         bend: moves the places of the world before the laser sees them; None for no move.
     """
     if world.drive is None:

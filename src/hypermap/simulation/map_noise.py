@@ -1,4 +1,4 @@
-"""Occupancy maps with the errors of those that a robot makes: bent, and of what a laser sees."""
+"""Occupancy maps with the errors of real ones: distorted, and limited to what a laser sees."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hypermap.simulation.ranges import check_not_negative
 from hypermap.simulation.truth import true_occupancy
 from hypermap.simulation.world import World
 
-_WAVES = 8  # that a bend is made of
+_WAVES = 8  # whose sum is a distortion
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Poses by odometry, whose errors add up: nothing bounds them."""
+"""Poses by odometry, whose errors accumulate without bound."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-_WAY = 10.0  # meters after which lasting and random errors are equally large
+_WAY = 10.0  # meters after which systematic and random errors are equally large
 _TURN = math.tau  # likewise, radians of turning
 
 
@@ -18,17 +18,17 @@ def drifted(
     turn_share: float,
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Return poses as odometry counts them from the first one, shape (N, 3).
+    """Return poses as odometry integrates them from the first one, shape (N, 3).
 
-    Half of the variance is from lasting errors, as of a wheel's diameter: these grow with the way.
-    The other half is a random walk, as of wheels that slip.
+    Half of the variance is from systematic errors, such as a wheel's diameter, which grow with the
+    distance. The other half is a random walk, as from slipping wheels.
 
     Args:
         poses: true x, y, yaw [m, m, rad], yaw continuous, shape (N, 3).
         share: standard deviation of the position after 10 m, as a share of that.
         yaw_per_meter: likewise of the heading, by the way alone [rad/m].
         turn_share: likewise of the heading after a full turn, as a share of it.
-        rng: all chance comes from here.
+        rng: random number generator.
 
     Source: Borenstein and Feng, "Measurement and correction of systematic odometry errors in mobile
     robots", 1996, for the two kinds; Thrun, Burgard, Fox, Probabilistic Robotics, 2005, section

@@ -15,7 +15,7 @@ from hypermap.simulation.world import WorldObject
 
 _SPEEDS = (0.7, 1.3)  # meters per second
 _COLORS = ("#3f6f9f", "#8a4f3d", "#5c6b3f", "#6b4f7a")
-_ASIDE = 0.8  # meters from the camera within which they have stepped out of the way
+_ASIDE = 0.8  # meters; people nearer to the camera have stepped aside
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,6 @@ def draw_walkers(count: int, drive: DrivePlan, rng: np.random.Generator) -> list
 def walkers_at(
     walkers: Sequence[Walker], stamp: float, camera_xy: FloatArray
 ) -> list[tuple[int, WorldObject]]:
-    """Return who is where at a time, with their number; without who would bump into the camera."""
+    """Return the people at a time, with their numbers, without those too near the camera."""
     placed = [(number, walker.at(stamp)) for number, walker in enumerate(walkers)]
     return [(n, one) for n, one in placed if math.dist(one.place, camera_xy) > _ASIDE]

@@ -71,7 +71,7 @@ class PoseNoise:
         Args:
             stamps: seconds, ascending, shape (N,).
             poses: true x, y, yaw [m, m, rad], shape (N, 3).
-            rng: the source of randomness.
+            rng: random number generator.
         """
         sigma = [self.position, self.position, math.radians(self.yaw_deg)]
         estimated = poses + rng.normal(size=poses.shape) * sigma

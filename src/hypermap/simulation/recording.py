@@ -47,8 +47,8 @@ class SimulatedRecording:
         world: the scene.
         camera: the RGB-D camera.
         faults: the kind of fault of each bad frame, by the frame's number.
-        sightings: how often each thing of the world was seen in the frames that were asked for
-            last, whatever a fault made of them.
+        sightings: how often each thing of the world was seen in the frames requested last, before
+            faults.
         true_poses: the exact `map_T_camera` of each frame, shape (N, 4, 4).
     """
 
@@ -79,17 +79,17 @@ class SimulatedRecording:
             depth_noise: errors of the camera; None for a Kinect's.
             pose_noise: errors of the poses; None for none.
             detector: finds the objects in the color images, as `network_detector()` does; None for
-                one that knows where they are, and errs.
-            detector_noise: how that one errs; None for the defaults.
+                a simulated one, which adds errors to the truth.
+            detector_noise: errors of the simulated one; None for the defaults.
             map_noise: errors of the occupancy map; None for none.
-            people: how many walk through the world meanwhile.
-            has_masks: whether that one gives masks with its boxes.
-            has_occupancy: whether the recording comes with an occupancy map.
+            people: number of people who walk through the world.
+            has_masks: whether the simulated detector returns masks with its boxes.
+            has_occupancy: whether the recording contains an occupancy map.
             bad_frames: share of the frames that broken sensors spoil, each by a fault of
                 `bad_frames.FAULTS`.
             seed: of all random numbers.
-            renders_once: whether frames stay in memory, half a megabyte each, when they have been
-                asked for, for who asks for them again.
+            renders_once: whether rendered frames stay in memory, half a megabyte each, for the next
+                iteration.
 
         Raises:
             ValueError: If the world has no drive, the rate is not positive, or `bad_frames` is
@@ -120,7 +120,7 @@ class SimulatedRecording:
 
     @property
     def path(self) -> Path:
-        """The name of the world; there is no file."""
+        """The name of the world, because there is no file."""
         return Path(self.world.name)
 
     @property
@@ -141,7 +141,7 @@ class SimulatedRecording:
         return iter(self._rendered)
 
     def _arriving(self) -> Iterator[RgbdFrame]:
-        """Yield the frames that arrive, good or spoiled."""
+        """Yield the frames that arrive, good or bad."""
         before = None
         for i, frame in enumerate(self._good_frames()):
             arrived: RgbdFrame | None = frame

@@ -22,7 +22,7 @@ _BOARD = 0.16  # width of a floor board [m]
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
-    """What is really there, pixel by pixel.
+    """The ground truth of an image.
 
     Attributes:
         depth: meters along the optical axis, float32, NaN where there is nothing, shape (H, W).
@@ -54,7 +54,7 @@ class Renderer:
 
         Args:
             map_T_camera: the pose, shape (4, 4).
-            moving: what else is there just now; it casts no shadow.
+            moving: moving bodies at this time; they cast no shadow.
         """
         scene, facing = self._scene, self._normals
         if moving is not None:
@@ -139,7 +139,7 @@ def _normals(triangles: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _boards(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return how bright the floor board under each point is: every board a little different."""
+    """Return the brightness of the floor board under each point; boards differ a little."""
     row = np.floor(points[1] / _BOARD)
     column = np.floor(points[0] / 1.2 + 0.37 * row)
     tone = np.abs(np.sin(12.9898 * row + 78.233 * column))

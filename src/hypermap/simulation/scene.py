@@ -53,7 +53,7 @@ class Scene:
         return cls._of_bodies(_bodies_of(things))
 
     def joined(self, other: Scene) -> Scene:
-        """Return both together."""
+        """Return the triangles of both."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return Scene(*(np.concatenate(pair) for pair in pairs))
 

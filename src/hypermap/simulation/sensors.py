@@ -1,4 +1,4 @@
-"""Depth cameras by name: how each errs, as published."""
+"""Presets of depth cameras, with their published errors."""
 
 from __future__ import annotations
 

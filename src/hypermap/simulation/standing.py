@@ -14,13 +14,13 @@ from hypermap.simulation.world import World
 
 _TOUCH = 1e-3  # meters by which two things may overlap where they touch
 _GAP = 0.02  # meters between a thing and its support, as between a seat and a person
-_WALL_GAP = 0.15  # meters between a wall and what hangs at it
+_WALL_GAP = 0.15  # meters between a wall and things that hang on it
 _IN_WALL = 0.35  # share of a thing that may be inside walls, because outlines are drawn by hand
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A part as a prism: its outline, and from where to where it reaches."""
+    """A part as a prism: its outline, and its lowest and highest point."""
 
     outline: BaseGeometry
     bottom: float

@@ -13,7 +13,7 @@ from pydantic import ConfigDict, Field
 _Number = Annotated[float, Field(strict=True, ge=-1000, le=1000)]
 _Positive = Annotated[float, Field(strict=True, gt=0, le=1000)]
 _Waypoint = Annotated[tuple[_Number, ...], Field(min_length=2, max_length=3)]
-_STILL = 1e-6  # meters or radians below which a motion takes no time
+_STILL = 1e-6  # meters or radians; a smaller motion takes no time
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def camera_poses(poses: ArrayLike, drive: DrivePlan) -> NDArray[np.float64]:
 
     Args:
         poses: x, y, yaw of the robot [m, m, rad], shape (N, 3).
-        drive: says how high the camera sits and how far it looks down.
+        drive: the height and pitch of the camera.
 
     Returns:
         Shape (N, 4, 4).
