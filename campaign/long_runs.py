@@ -32,7 +32,9 @@ FRAMES = 100_000  # the most that a mapper gets
 GROWTH = 1.0  # MB that 10,000 frames may add, once warm
 SLOWER = 1.5  # times: the last quarter of the frames beside the second
 DAY = 86_400  # s
-_SETTLES = 5.0  # MB, within which memory may still settle
+_ENOUGH = 20_000  # frames, after which all that a mapper keeps has reached its bounds
+_FILLING = 40.0  # MB that 10,000 frames may add before
+_SETTLES = 5.0  # MB, within which memory may settle at any time
 _FEWEST = 1000  # frames, from which on growth is distinguishable from noise
 _EVENTS = ("restart", "jump", "without detections", "without depth", "other clock")
 _EVERY = 7  # frames, of which the last meets an event
@@ -117,7 +119,8 @@ def uneven(ends: FloatArray, memory: FloatArray) -> list[str]:
     """
     found = []
     growth, warm = _growth(memory), len(memory) - len(memory) // 4
-    if growth * warm > _SETTLES + GROWTH * warm / 1e4:
+    allowed = GROWTH if len(memory) >= _ENOUGH else _FILLING
+    if growth * warm > _SETTLES + allowed * warm / 1e4:
         found.append(f"{growth * warm:.1f} MB more after {warm} frames, once warm")
     early, late = _pace(ends)
     if late > SLOWER * early:

@@ -28,5 +28,8 @@ def test_what_grows_is_found() -> None:
     assert long_runs.uneven(0.004 * frames, level) == []
     [found] = long_runs.uneven(0.004 * frames, level + 0.025 * frames)
     assert "MB more after 1500 frames" in found
+    many = np.arange(20_000.0)
+    [found] = long_runs.uneven(0.004 * many, 300 + 0.001 * many)
+    assert "15.0 MB more after 15000 frames" in found
     [found] = long_runs.uneven(np.cumsum(0.004 + 4e-6 * frames), level)
     assert "times slower" in found
