@@ -17,6 +17,9 @@ from hypermap.mapping.config import MappingConfig
 WHOLE = "nothing"
 """What is left out of the whole configuration."""
 
+ENOUGH = 5
+"""Drives from which on a bootstrap interval means something; of two it is these two."""
+
 
 @dataclass(frozen=True)
 class Measure:
@@ -159,6 +162,9 @@ def tables_of(results: Sequence[WorldResult]) -> list[Table]:
 def _tables(name: str, results: Sequence[WorldResult]) -> tuple[Table, Table]:
     rows, drives = rows_of(results), sum(len(result.mapped) for result in results)
     where = "all worlds" if name == "all" else name
+    doubt = (
+        f"; {drives} drives are few, so that intervals are too narrow" if drives < ENOUGH else ""
+    )
     columns = (Column("without"), *(Column(measure.title) for measure in MEASURES.values()))
     means = Table(
         f"{name}-means",
@@ -170,7 +176,7 @@ def _tables(name: str, results: Sequence[WorldResult]) -> tuple[Table, Table]:
     changes = Table(
         f"{name}-changes",
         f"{where}: change of each figure if the part is left out, with its 95 % interval "
-        f"(bootstrap over {drives} drives, paired)",
+        f"(bootstrap over {drives} drives, paired{doubt})",
         columns,
         tuple(
             (row.part, *(interval_of(row.changes[key]) for key in MEASURES))
