@@ -47,6 +47,11 @@ def broken(occupancy):
 
 def nothing(occupancy):
     return None
+
+
+class Names(Boxes):
+    def objects(self):
+        return list(self.named)
 '''
 POINTS = """[hypermap.methods]
 boxes = box_mapper:Boxes
@@ -55,6 +60,7 @@ number = box_mapper:NUMBER
 broken = box_mapper:broken
 nothing = box_mapper:nothing
 gone = box_mapper:Gone
+names = box_mapper:Names
 """
 
 
@@ -95,7 +101,7 @@ def test_a_file_is_a_method_with_its_name_and_what_differs(tmp_path: Path) -> No
 
 @pytest.mark.usefixtures("installed")
 def test_a_package_brings_code_or_a_configuration() -> None:
-    assert installed_names() == ["boxes", "broken", "gone", "nothing", "number", "slow"]
+    assert installed_names() == ["boxes", "broken", "gone", "names", "nothing", "number", "slow"]
     methods = chosen_methods("default", ["boxes", "slow"])
     assert methods["slow"] == profile("thesis")
     boxes = methods["boxes"]
@@ -116,7 +122,7 @@ def test_the_help_lists_what_is_installed(installed: Path) -> None:
         check=True,
         env={"PYTHONPATH": str(installed), "COLUMNS": "100"},
     )
-    assert "Installed methods: boxes, broken, gone, nothing, number, slow." in done.stdout
+    assert "Installed methods: boxes, broken, gone, names, nothing, number, slow." in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -142,10 +148,11 @@ def test_what_is_no_method_is_said(word: str, message: str) -> None:
     [
         ("broken", "method 'broken' (box_mapper:broken): cannot start: RuntimeError: no wheels"),
         ("nothing", "method 'nothing' (box_mapper:nothing): its NoneType has no method add()"),
+        ("names", "method 'names': objects() must give SemanticObjects, gave str"),
     ],
 )
 @pytest.mark.usefixtures("installed")
-def test_a_method_that_cannot_start_is_named(word: str, message: str) -> None:
+def test_a_method_that_does_not_work_is_named(word: str, message: str) -> None:
     with pytest.raises(HypermapError) as error:
         map_drive(drive(), dict([named_method(word)]))
     assert str(error.value) == message

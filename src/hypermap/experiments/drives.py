@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.pose_errors import PoseErrors, pose_errors
+from hypermap.experiments.installed_methods import checked_objects
 from hypermap.experiments.methods import Method
 from hypermap.experiments.parallel import in_processes
 from hypermap.mapping.alignment import Aligner
@@ -96,7 +97,7 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, Method]) -> Mapped:
         looks.turn_to(frame)
         for run in runs.values():
             run.add(frame)
-    objects = {name: tuple(run.objects()) for name, run in runs.items()}
+    objects = {name: checked_objects(name, run.objects()) for name, run in runs.items()}
     poses = {
         name: looks.pose_errors(method.alignment)
         for name, method in methods.items()

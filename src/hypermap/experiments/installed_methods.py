@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol, TypeAlias
@@ -64,6 +64,23 @@ class InstalledMethod:
                 missing = f"its {type(run).__name__} has no method {needed}()"
                 raise _cannot(self.name, self.source, missing)
         return run
+
+
+def checked_objects(name: str, objects: Iterable[object]) -> tuple[SemanticObject, ...]:
+    """Return the objects of a method's map.
+
+    Raises:
+        HypermapError: If one is something else; names the method.
+    """
+    found = []
+    for one in objects:
+        if not isinstance(one, SemanticObject):
+            kind = type(one).__name__
+            raise HypermapError(
+                f"method {name!r}: objects() must give SemanticObjects, gave {kind}"
+            )
+        found.append(one)
+    return tuple(found)
 
 
 def installed_names() -> list[str]:
