@@ -22,6 +22,7 @@ from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.cli.progress import Report
+    from hypermap.cli.stopping import StoppableRecording
     from hypermap.cli.watching import Watched
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
@@ -91,7 +92,6 @@ def make_map(
     from hypermap.cli.stopping import StoppableRecording
     from hypermap.mapping.floor_motions import PoseChanges
     from hypermap.mapping.recording_to_map import map_recording
-    from hypermap.mapping.same_place import OtherPlace
 
     started, changes = time.monotonic(), PoseChanges()
     with mapping_progress(frames) as report, _looking_ahead(job) as ahead:
@@ -100,35 +100,44 @@ def make_map(
             mapper.pose_changes = changes
 
         stoppable, pace = StoppableRecording(ahead or job.corrected.recording, stop), _Paced(report)
-        try:
-            with named(job.onto):
-                hypermap = map_recording(
-                    stoppable,
-                    job.source,
-                    job.settings,
-                    job.occupancy,
-                    watched.with_progress(pace),
-                    _each(watchers) if watchers else None,
-                    preflight,
-                    job.max_bad,
-                    job.base,
-                    job.embedder,
-                    ahead,
-                    job.is_same_place,
-                    prepare,
-                )
-        except OtherPlace as error:
-            raise OtherPlace(f"{job.onto}: {error}") from error
-        except HypermapError:
-            if stoppable.ended_early:
-                note("no frame was mapped so far, so nothing is saved")
-                raise typer.Exit(stop.exit_code) from None
-            raise
+        with _named_errors(job.onto, stoppable, stop):
+            hypermap = map_recording(
+                stoppable,
+                job.source,
+                job.settings,
+                job.occupancy,
+                watched.with_progress(pace),
+                _each(watchers) if watchers else None,
+                preflight,
+                job.max_bad,
+                job.base,
+                job.embedder,
+                ahead,
+                job.is_same_place,
+                prepare,
+            )
     by_graph = job.corrected.poses
     hypermap.metadata = described(hypermap.metadata, by_graph)
     note_frames(hypermap, pace.counts, job.settings, time.monotonic() - started, pace.rate)
     moves = (changes,) if by_graph is None else (by_graph.changes(), changes)
     return Made(hypermap, pace.counts, min(stoppable.until, job.corrected.until), moves)
+
+
+@contextmanager
+def _named_errors(onto: Path | None, stoppable: StoppableRecording, stop: Stop) -> Iterator[None]:
+    """Name the map in errors about it; end without one if nothing was mapped before a signal."""
+    from hypermap.mapping.same_place import OtherPlace
+
+    try:
+        with named(onto):
+            yield
+    except OtherPlace as error:
+        raise OtherPlace(f"{onto}: {error}") from error
+    except HypermapError:
+        if stoppable.ended_early:
+            note("no frame was mapped so far, so nothing is saved")
+            raise typer.Exit(stop.exit_code) from None
+        raise
 
 
 class _Paced:

@@ -100,13 +100,7 @@ def map_recording(
             mapping cannot continue the map.
         ValueError: If both `occupancy` and `onto` are given.
     """
-    if onto is not None:
-        if occupancy is not None:
-            raise ValueError("a map to continue already has an occupancy layer")
-        mapper = Mapper.onto(onto, source, config, recording.path.name, recording.frame_id)
-    else:
-        occupancy = recording.occupancy() if occupancy is None else occupancy
-        mapper = Mapper(config, source, occupancy, recording.frame_id, recording.path.name)
+    mapper = _mapper_for(recording, source, config, occupancy, onto)
     mapper.watch = watch
     mapper.embed_with(embedder)
     if ahead is not None:
@@ -142,6 +136,23 @@ def map_recording(
     hypermap = mapper.hypermap()
     hypermap.metadata["recording"] = recording.path.name
     return hypermap
+
+
+def _mapper_for(
+    recording: Recording,
+    source: DetectionSource | None,
+    config: MappingConfig,
+    occupancy: OccupancyLayer | None,
+    onto: Hypermap | None,
+) -> Mapper:
+    """Return a mapper for a new map, or to continue one."""
+    name, frame_id = recording.path.name, recording.frame_id
+    if onto is None:
+        occupancy = recording.occupancy() if occupancy is None else occupancy
+        return Mapper(config, source, occupancy, frame_id, name)
+    if occupancy is not None:
+        raise ValueError("a map to continue already has an occupancy layer")
+    return Mapper.onto(onto, source, config, name, frame_id)
 
 
 class _BadFrames:
