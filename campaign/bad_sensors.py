@@ -130,6 +130,11 @@ def fault_of(sensor: BadSensor, outcome: Outcome) -> str | None:
         return f"{sensor.reported!r} was not reported, but: {outcome.reported or 'nothing'}"
     if not sensor.reported and outcome.reported:
         return f"reported without a reason: {outcome.reported}"
+    return endless_objects(outcome)
+
+
+def endless_objects(outcome: Outcome) -> str | None:
+    """Return in words which objects reach to infinity; None if none do."""
     objects = [] if outcome.map is None else outcome.map.objects()
     odd = [found.object.name for found in objects if not _is_finite(found.object.footprint)]
     return f"objects that reach to infinity: {odd}" if odd else None

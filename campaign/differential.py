@@ -286,11 +286,8 @@ class World:
         expected = self._locations(layer)
         text = f"find {what!r} in {layer.name!r}, {area and area.wkt} in {frame}"
         _require(len(sure) <= len(points) <= len(may), f"{text}: {len(points)} answers")
-        known = {tuple(place) for place in np.round(points, 5).tolist()}
-        for place in expected[sorted(sure)]:
-            near = np.round([place, place - 5e-7, place + 5e-7], 5)  # either side of rounding
-            places = set(itertools.product(near[:, 0].tolist(), near[:, 1].tolist()))
-            _require(bool(places & known), f"{text}: nothing at {place}")
+        _require_near(expected[sorted(sure)], points, f"{text}: nothing at")
+        _require_near(points, expected[sorted(may)], f"{text}: what is not asked for, at")
 
     def _nearest(self, layer: Grid | Things) -> None:
         what, frame, k = self._what(layer), self._known_frame(), self._draw.choice([1, 2, 5])
@@ -303,6 +300,23 @@ class World:
             len(given) == len(expected) and np.allclose(given, expected, atol=1e-6),  # type: ignore[arg-type]
             f"nearest {what!r} of {layer.name!r} to {point} in {frame}: {given}, not {expected}",
         )
+        places, rows = self._locations(layer), sorted(self.oracle.called(layer, what))
+        text = f"nearest {what!r} of {layer.name!r} to {point} in {frame}"
+        for hit in found:
+            _require_near([hit.point_xy], places[rows], f"{text}: what is not asked for, at")
+            if isinstance(layer, Things):
+                (shape,) = (
+                    shape
+                    for thing, shape in zip(layer.things, self.oracle.shapes(layer), strict=True)
+                    if hit.object is not None and thing.number == hit.object.id
+                )
+                far = float(shapely.distance(shape, at))
+            else:
+                far = float(np.hypot(*(np.asarray(hit.point_xy) - (at.x, at.y))))
+            _require(
+                hit.distance is not None and abs(far - hit.distance) < 1e-6,
+                f"{text}: {hit.distance} m to what is {far} m away",
+            )
 
     def _objects_at(self) -> None:
         point, frame = self._place(), self._known_frame()
@@ -468,6 +482,18 @@ def _depth(point: shapely.Point, shape: BaseGeometry) -> float:
 def _difference(found: Any, bracket: Any) -> str:
     given = set(found)
     return f"{sorted(bracket.sure - given)} are missing, {sorted(given - bracket.possible)} wrong"
+
+
+def _require_near(points: Any, places: Any, what: str) -> None:
+    """Require that each point is one of the places, but for what is rounded."""
+    points, places = np.reshape(points, (-1, 2)), np.reshape(places, (-1, 2))
+    if not len(points):
+        return
+    known = {tuple(place) for place in np.round(places, 5).tolist()}
+    for point in points:
+        near = np.round([point, point - 5e-7, point + 5e-7], 5)  # either side of rounding
+        some = set(itertools.product(near[:, 0].tolist(), near[:, 1].tolist()))
+        _require(bool(some & known), f"{what} {point}")
 
 
 def _require(is_right: bool, what: str) -> None:

@@ -67,9 +67,13 @@ class Outcome:
     operations: int = 0
 
     @property
-    def hangs(self) -> bool:
-        """Whether it had to be ended because it did not end."""
-        return self.signal == signal.SIGABRT
+    def fall(self) -> str:
+        """In words, how it ended as none may, whatever was done to it; empty if it did not."""
+        if self.signal == signal.SIGABRT:
+            return "hangs"
+        if self.signal not in (0, signal.SIGKILL, signal.SIGXFSZ):
+            return f"died of signal {self.signal}"
+        return f"raised {self.error}" if self.error and not self.is_ours else ""
 
 
 def in_a_process(work: Callable[[], Any], prepare: Callable[[], Any] = lambda: None) -> Outcome:

@@ -89,10 +89,8 @@ class Trial:
     def check(self, outcome: Outcome, fault: str = "", links: frozenset[str] = NOTHING) -> str:
         """Return what is wrong after a save to which something happened; empty if nothing is."""
         is_done = not outcome.signal and not outcome.error
-        if outcome.error and not outcome.is_ours:
-            return f"raised {outcome.error}"
-        if outcome.hangs:
-            return "hangs"
+        if outcome.fall:
+            return outcome.fall
         found = in_a_process(partial(self.way.read, self.folder))
         # What others have removed is gone: both what was there, and parts of what was to come.
         is_torn = fault == "vanish" or (fault == "sweep" and not is_done)

@@ -70,7 +70,7 @@ def watch(
         except Exception as error:  # of whatever kind: that is what is looked for
             odd.append(f"{type(error).__name__}: {error}")
 
-    threads = [threading.Thread(target=ask, args=pair) for pair in enumerate(readers)]
+    threads = [threading.Thread(target=ask, args=pair, daemon=True) for pair in enumerate(readers)]
     for thread in threads:
         thread.start()
     moves = 0
@@ -83,12 +83,16 @@ def watch(
     except Exception as error:  # likewise; the readers have to end in any case
         odd.append(f"the writer: {type(error).__name__}: {error}")
     ends.set()
+    end = time.monotonic() + _PATIENCE
     for thread in threads:
-        thread.join(_PATIENCE)
+        thread.join(max(end - time.monotonic(), 0.0))
+    if hanging := sum(thread.is_alive() for thread in threads):
+        odd.append(f"{hanging} readers hang")
     what = f"{name}: the object that is moved: {odd[0]} ({len(odd)} of these)" if odd else ""
     found = [Finding(what, budget.seed)] if odd else []
     figures: dict[str, float | str] = {f"{name}: questions": sum(counts), f"{name}: moves": moves}
-    return Result(name, sum(counts), found, figures)
+    left_out = [] if all(counts) else [f"{name}: {counts.count(0)} readers got no answer"]
+    return Result(name, sum(counts), found, figures, left_out)
 
 
 # In this process
@@ -183,12 +187,12 @@ def _client(port: int, token: str) -> Iterator[Callable[..., Any]]:
 
 def ask_ros1(budget: Budget) -> Result:
     """Let clients ask a map server on ROS 1, where that is installed."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as running:
         try:
-            with _ros1(Path(folder)) as rospy:
-                return _ask_ros1(rospy, Path(folder) / "map.hmap", budget)
+            rospy = running.enter_context(_ros1(Path(folder)))
         except HypermapError as error:
             return Result("ros1", 0, [], {"ros1": f"left out: {error}"})
+        return _ask_ros1(rospy, Path(folder) / "map.hmap", budget)
 
 
 def _ask_ros1(rospy: Any, path: Path, budget: Budget) -> Result:

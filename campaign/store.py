@@ -89,8 +89,8 @@ def spool_problem(folder: Path, at: int | None, fault: DiskFault = "once") -> tu
     assert not outcome.error, outcome
     told = folder / "told"
     outcome = in_a_process(partial(_use, folder / "spool", told), partial(FailingDisk, at, fault))
-    if outcome.error or outcome.hangs:
-        return outcome.error or "hangs", outcome.operations
+    if outcome.error or outcome.fall:
+        return outcome.fall or outcome.error, outcome.operations
     heard = _read_told(told, [str(each.id) for each in before])
     if heard.problem:
         return heard.problem, outcome.operations
@@ -310,8 +310,8 @@ class PushedMap:
         outcome = in_a_process(partial(self._push, after), partial(_die_after, killed_after))
         if cut != "client killed":
             thread.join()
-        if outcome.hangs or (outcome.error and not outcome.is_ours):
-            return outcome.error or "hangs"
+        if outcome.fall:
+            return outcome.fall
         found = self._pulled()
         if found not in self._expected:
             return "the site holds neither the old nor the new"

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from campaign.bad_sensors import SENSORS, fault_of, map_of, write_good_recording
+from campaign.bad_sensors import SENSORS, endless_objects, fault_of, map_of, write_good_recording
 from campaign.part import Budget, Finding, Result
 from hypermap.evaluation import evaluate
 from hypermap.mapping.config import profile
@@ -26,6 +26,7 @@ from hypermap.simulation.render import DEFAULT_CAMERA
 BAD_FRAMES = 0.05
 TOLERANCE = 0.02
 _MEASURES = ("IoU", "precision", "recall")  # the latter at an IoU of 0.25
+_GOOD = 0.3  # the least of each measure without bad frames
 _FEWEST = 5  # drives whose mean says something
 _SHORT = 6  # faults, and mixtures of faults
 
@@ -110,7 +111,8 @@ class _Tried:
         except Exception as error:  # which none may be
             what: str | None = f"{type(error).__name__}: {error}"
         else:
-            what = fault_of(sensors[0], outcome) if len(sensors) == 1 else None
+            is_alone = len(sensors) == 1
+            what = fault_of(sensors[0], outcome) if is_alone else endless_objects(outcome)
         if what is None:
             shutil.rmtree(folder)
         else:
@@ -120,6 +122,8 @@ class _Tried:
 def quality_lost(seed: int, bad_frames: float = BAD_FRAMES) -> tuple[float, ...]:
     """Return by how much bad frames lower IoU, precision and recall of the map of a drive."""
     good, bad = (np.array(_quality(seed, share)) for share in (0.0, bad_frames))
+    if min(good) < _GOOD:  # else nothing could be lost
+        raise RuntimeError(f"the drive without bad frames gives a bad map: {good}")
     return tuple((good - bad).tolist())
 
 

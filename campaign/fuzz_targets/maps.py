@@ -161,9 +161,8 @@ def wkt(_: Path) -> Target:
     def ask(data: bytes) -> None:
         text = data.decode(errors="surrogateescape")
         hypermap = Hypermap([SemanticLayer("semantic", "map", [square("cup", 0, 0)])])
-        with contextlib.suppress(ValueError, TypeError):  # as they say
-            shape = footprint_from_wkt(text)
-            hypermap.semantic("semantic").add(SemanticObject("thing", shape))
+        if (thing := _thing_of(text)) is not None:
+            hypermap.semantic("semantic").add(thing)
             ask_everything(hypermap, draw_of(data))
         with contextlib.suppress(HypermapError):
             parse_point(text, "--at")
@@ -172,6 +171,14 @@ def wkt(_: Path) -> Target:
         hypermap.objects(inside=area, near=area)
 
     return Target(ask, [text.encode() for text in texts], mutate_text)
+
+
+def _thing_of(text: str) -> SemanticObject | None:
+    """Return an object of a shape that is given as text; None if it is none."""
+    try:
+        return SemanticObject("thing", footprint_from_wkt(text))
+    except (ValueError, TypeError):  # as they say
+        return None
 
 
 def evidence(folder: Path) -> Target:

@@ -77,7 +77,11 @@ def http(folder: Path) -> Target:
 
     def ask(data: bytes) -> None:
         nonlocal app
-        scope, body = parsed_request(data, (b"x-hypermap-token", (app.token or "").encode()))
+        scope, body = parsed_request(data)
+        status = asyncio.run(answered(app.app, scope, body))
+        if status != 403:
+            raise AssertionError(f"answered {status} to nobody")
+        scope["headers"].append((b"x-hypermap-token", app.token.encode()))
         status = asyncio.run(answered(app.app, scope, body))
         if status >= 500:
             raise AssertionError(f"answered {status}")
@@ -101,14 +105,14 @@ def _requests() -> Iterator[bytes]:
     yield f"GET /api/events?v=1\nlast-event-id: 123\n{_HOST}\n\n".encode()
 
 
-def parsed_request(data: bytes, secret: tuple[bytes, bytes]) -> tuple[dict[str, Any], bytes]:
-    """Return a request as ASGI has it: what is asked, with a header that is known, and the body."""
+def parsed_request(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """Return a request as ASGI has it: what is asked, with its headers, and the body."""
     head, _, body = data.partition(b"\n\n")
     first, *lines = head.split(b"\n")
     method, _, target = first.partition(b" ")
     target = bytes(letter for letter in target if 0x21 <= letter <= 0x7E)  # as h11 has it
     way, _, query = target.partition(b"?")
-    headers = [secret]
+    headers = []
     for line in lines:
         name, _, value = line.partition(b":")
         headers.append((name.strip().lower(), value.strip()))
@@ -171,13 +175,19 @@ def websocket(_: Path) -> Target:
     ]
 
     def ask(data: bytes) -> None:
+        reply = b""
         with socket.create_connection(("127.0.0.1", gate.port), timeout=5) as client:
             client.settimeout(5)
             with contextlib.suppress(ConnectionError):
                 client.sendall(data)
                 client.shutdown(socket.SHUT_WR)
+                reply = client.recv(1 << 16)
                 while client.recv(1 << 16):
                     pass
+        lines = data.partition(b"\r\n\r\n")[0].lower().split(b"\r\n")
+        origins = [line for line in lines if line.startswith(b"origin:")]
+        if reply.startswith(b"HTTP/1.1 101") and origins and b"//evil.org" in origins[-1]:
+            raise AssertionError("another website is let in")
         if heard.records:
             record = heard.records.pop()
             raise AssertionError(record.getMessage()) from (

@@ -56,3 +56,16 @@ def test_a_bad_area_is_said_so(text, reason):
     with pytest.raises(HypermapError) as error:
         parse_area(text, "--in")
     assert str(error.value).startswith(f"--in {text!r}: {reason}")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (f"POLYGON((0 0, {'1' * 400} 0, {'1 1, ' * 100} 0 0))", "must be finite"),
+        (f"{'GEOMETRYCOLLECTION(' * 200_000}POINT(0 0){')' * 200_000}", "in a collection"),
+    ],
+    ids=["infinite", "nested"],
+)
+def test_an_area_that_geos_cannot_read_is_refused(text, reason):
+    with pytest.raises(HypermapError, match=reason):
+        parse_area(text, "--in")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -53,14 +54,19 @@ def names_rooms(text: str) -> bool:
 
 
 def _area_from_wkt(text: str, option: str) -> BaseGeometry:
+    if text.upper().count("COLLECTION") > 1:  # GEOS overflows the stack on deep nesting
+        raise HypermapError(f"{option}: a collection in a collection is not read")
     try:
-        area = shapely.from_wkt(text)
+        with np.errstate(all="ignore"):  # of numbers that are not finite
+            area = shapely.from_wkt(text)
     except (shapely.GEOSException, NotImplementedError) as error:
         raise HypermapError(f"{option} {text!r}: this is not WKT: {error}") from None
     return _checked(area, text, option)
 
 
 def _checked(area: BaseGeometry, text: str, option: str) -> BaseGeometry:
+    if not np.isfinite(shapely.get_coordinates(area)).all():
+        raise HypermapError(f"{option}: the numbers of an area must be finite")
     try:
         check_tangle(area)
     except ValueError as error:

@@ -16,8 +16,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import ObjectArray
+from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import FormatError
+from hypermap.formats.columns.footprints import footprints_from_wkb
 
 _TYPES = {"<f8", "<f4", "<f2", "<i8", "<u4", "|u1"}
 _MOST_HEADER = 16_000_000  # bytes
@@ -121,8 +122,7 @@ def unpacked_shapes(name: str, arrays: Mapping[str, NDArray[Any]]) -> ObjectArra
         raise ValueError(f"the lengths of {name} do not match the data")
     ends = np.cumsum(lengths).tolist()
     bare = [wkb[end - n : end] for end, n in zip(ends, lengths.tolist(), strict=True)]
-    shapes = np.empty(len(bare), dtype=object)
-    shapes[:] = shapely.from_wkb(bare)
+    shapes = footprints_from_wkb(as_objects(bare))
     kinds = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
     points = arrays[f"{name}.points"].T
     if not (np.isin(shapely.get_type_id(shapes), kinds).all() and np.isfinite(points).all()):

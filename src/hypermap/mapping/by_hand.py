@@ -13,9 +13,11 @@ from typing import Any
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import as_objects
 from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.backup import BY_HAND
+from hypermap.formats.columns.footprints import footprints_from_wkb
 from hypermap.formats.semantic.records import object_from_record, record_from_object
 from hypermap.history.differences import MOVE
 
@@ -136,7 +138,9 @@ def from_record(record: Mapping[str, Any]) -> HandEdit:
     """Return the edit of `as_record`; raises KeyError, TypeError or ValueError for others."""
     if "deleted" in record["words"]:
         return HandEdit(is_deleted=True)
-    shape = shapely.from_wkb(record["shape"]) if record.get("shape") else None
+    shape = None
+    if record.get("shape"):
+        (shape,) = footprints_from_wkb(as_objects([bytes.fromhex(record["shape"])]))
     if "drawn" in record:
         if shape is None:
             raise ValueError("a drawn object has no shape")
