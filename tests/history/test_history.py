@@ -106,6 +106,22 @@ def test_mapping_logs_what_diff_would_show_and_an_edit_everything() -> None:
         assert revision.drive == ("" if mapped is None else "day2")
 
 
+@pytest.mark.parametrize(("says", "kind"), [(True, "moved"), (False, "reshaped")])
+def test_what_mapping_has_found_to_be_moved_is_so_though_its_outline_differs(
+    says: bool, kind: str
+) -> None:
+    """As a lamp's, which a drive sees from another side."""
+    hypermap = office()
+    attributes = {"moved": {"confidence": 0.7}} if says else {}
+    thin = SemanticObject("chair", shapely.box(2.6, 1, 2.7, 2), attributes=attributes)
+    hypermap.semantic().update(1, thin)
+    assert hypermap.history is not None
+    hypermap.history = dataclasses.replace(hypermap.history, mapped=Mapped("day2", MONDAY))
+    (change,) = revisions(grown(hypermap, MONDAY))[0].changes
+    assert change.kind == kind
+    assert change.confidence == (0.7 if says else None)
+
+
 def test_a_drive_that_is_mapped_late_does_not_turn_time_back() -> None:
     hypermap = office()
     for time, by in ((TUESDAY, 1.0), (MONDAY, 1.0)):

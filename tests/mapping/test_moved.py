@@ -101,6 +101,21 @@ def test_of_two_equal_objects_that_were_moved_neither_is_sure() -> None:
         assert item.attributes["moved"]["confidence"] == pytest.approx(0.5, abs=0.1)
 
 
+@pytest.mark.parametrize(("earlier", "number"), [(1, 0), (2, 1)])
+def test_one_false_detection_days_ago_does_not_hide_that_an_object_was_moved_there(
+    earlier: int, number: int
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        there = [square(3)] if second < earlier else []
+        evidence.update(seen(square(-3), *there, stamp=second))
+    for second in range(60):
+        evidence.update(seen(square(3), stamp=DAY + second))
+    chair = only(evidence)
+    assert chair.id == number
+    assert ("moved" in chair.attributes) == (number == 0)
+
+
 def test_an_object_that_comes_back_is_the_same() -> None:
     evidence = after_a_move(other=NOWHERE)
     assert evidence.objects() == []

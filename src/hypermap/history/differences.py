@@ -105,6 +105,8 @@ def _kind(old: SemanticObject, new: SemanticObject, distance: float, cause: Caus
     if old.name != new.name:
         return RENAMED
     if not shapely.equals_exact(old.footprint, new.footprint, _TOLERANCE):
+        if distance >= MIN_MOVED and _is_said_to_have_moved(old, new):
+            return MOVED  # mapping has compared the evidence of both places, not one view's shapes
         alike = likeness(old.footprint, new.footprint)
         if alike < (_SAME_WHEN_EDITED if is_edit else SAME_SHAPE):
             return RESHAPED
@@ -121,9 +123,14 @@ def _free(attributes: Mapping[str, Any]) -> dict[str, Any]:
 
 def _confidence(old: SemanticObject, new: SemanticObject) -> float:
     """Return how likely it is that an object is the same one, as mapping has found."""
-    said = new.attributes.get(MOVE)
-    if isinstance(said, Mapping) and said != old.attributes.get(MOVE):
-        value = said.get("confidence")
+    if _is_said_to_have_moved(old, new):
+        value = new.attributes[MOVE].get("confidence")
         if isinstance(value, int | float):
             return float(value)
     return 1.0
+
+
+def _is_said_to_have_moved(old: SemanticObject, new: SemanticObject) -> bool:
+    """Return whether mapping has found since that an object was moved."""
+    said = new.attributes.get(MOVE)
+    return isinstance(said, Mapping) and said != old.attributes.get(MOVE)

@@ -70,10 +70,8 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
         return []
     is_own = np.array([track.by_hand is None for track in tracks.objects])
     is_confirmed = is_own & np.array([buffer.count >= CONFIRMED for buffer in buffers])
-    first, last = (
-        np.array([getattr(buffer, name) for buffer in buffers], np.float64)
-        for name in ("first_seen", "last_seen")
-    )
+    first = np.array([began(buffer) for buffer in buffers], np.float64)
+    last = np.array([buffer.last_seen for buffer in buffers], np.float64)
     is_there = is_own & (tracks.existence > config.publish_above)
     newest = first[is_there].max(initial=-np.inf)
     is_gone = (tracks.existence <= GONE) & (last < newest)
@@ -98,6 +96,20 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
             ids = tracks.objects[gone[i]].id, tracks.objects[there[j]].id
             found.append(Move(*ids, float(alike[i, j] ** 2 / rivals)))
     return found
+
+
+def began(buffer: EvidenceBuffer) -> float:
+    """Return the stamp from which on there is an object [s].
+
+    That is when it was first seen, but for a single observation of an earlier drive, which was not
+    published: it often is of something else, such as a false detection.
+    """
+    items = buffer.items
+    if len(items) < 2 or buffer.count > len(items):
+        return buffer.first_seen
+    first, second, last = (items[i].stamp for i in (0, 1, -1))
+    is_alone = second - first > STALE >= last - second
+    return second if is_alone else buffer.first_seen
 
 
 def _leave_out_older(alike: NDArray[np.float64], gone_since: NDArray[np.float64]) -> None:
@@ -146,7 +158,7 @@ def _leave_out_other_heights(
 
 def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
     """Return whether a track is next to the place of another, not seen since an earlier drive."""
-    begin, end = tracks.objects[row].buffer.first_seen, tracks.objects[other].buffer.last_seen
+    begin, end = began(tracks.objects[row].buffer), tracks.objects[other].buffer.last_seen
     shape, was = (tracks.shapes.polygons[one].geometry for one in (row, other))
     return begin > end + STALE and bool(shapely.dwithin(shape, was, _BESIDE))
 
@@ -225,7 +237,7 @@ def _compared(
     for i, row in enumerate(gone):
         last_seen = tracks.objects[row].buffer.last_seen
         for j, other in enumerate(there):
-            is_later = tracks.objects[other].buffer.first_seen > last_seen
+            is_later = began(tracks.objects[other].buffer) > last_seen
             is_same_class = tracks.objects[row].name == tracks.objects[other].name
             if is_later and is_same_class and ways[i, j] <= FARTHEST:
                 value = likeness(shapes.polygons[row].geometry, shapes.polygons[other].geometry)
@@ -241,7 +253,7 @@ def _views(tracks: TrackTable) -> list[Evidence]:
 
 def _was_without(tracks: TrackTable, row: int, views: Sequence[Evidence]) -> bool:
     """Return whether the robot saw the place of a track before the track was seen there."""
-    begin = tracks.objects[row].buffer.first_seen - _BEFORE
+    begin = began(tracks.objects[row].buffer) - _BEFORE
     earlier = [view.visible_area for view in views if view.stamp < begin]
     if not earlier:
         return False
