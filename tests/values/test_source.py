@@ -3,10 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hypermap import GridGeometry, OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.testing import occupancy_from_text
 from hypermap.values import value_layer_of
-from hypermap.values.walls import Walls
+from hypermap.values.walls import Walls, wall_cells
 
 SENDER = np.array([2.5, 3.5])
 TWO_ROOMS = "\n".join(
@@ -36,6 +37,22 @@ def test_walls_are_counted_and_furniture_is_not():
     others = np.array([[2.0, 2.5]])
     places = np.array([[3.5, 3.5], [6.0, 2.5], [9.5, 2.5], [50.0, 2.5]])
     assert walls.between(places, others)[:, 0].tolist() == [0, 1, 1, 2]
+
+
+def test_a_cupboard_before_a_wall_is_none_and_the_wall_behind_it_is_one():
+    """Two cupboards of 0.5 x 1 m stand at the wall between two rooms, 1 m apart."""
+    cells = np.zeros((80, 60), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells[:, 30] = 100
+    cells[20:30, 25:30] = cells[40:50, 25:30] = 100
+    grid = GridGeometry(60, 80, 0.1)
+    walls = Walls(OccupancyLayer("occupancy", "map", grid, cells))
+    along = np.array([[2.75, 7.0]])  # past both cupboards
+    through = np.array([[4.0, 4.5], [4.0, 6.0]])  # behind a cupboard, and beside it
+    start = np.array([[2.75, 0.5], [2.0, 4.5]])
+    assert walls.between(along, start[:1]).tolist() == [[0]]
+    assert walls.between(through, start[1:]).tolist() == [[1], [1]]
+    assert wall_cells(OccupancyLayer("occupancy", "map", grid, cells))[:, 30].all()
 
 
 def test_two_leaves_of_a_wall_count_once():

@@ -6,14 +6,22 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, find_objects, label
+from scipy.ndimage import (
+    binary_dilation,
+    binary_opening,
+    distance_transform_edt,
+    find_objects,
+    label,
+)
 
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.core.occupancy import FREE, OccupancyLayer
 
 _LEAST = 3.0  # meters; what is shorter is furniture
+_DEEP = 0.3  # meters; what is as thick, but shorter than a wall, is furniture before it
 _GAP = 0.7  # meters
+_NEIGHBORS = np.ones((3, 3), dtype=bool)
 
 
 class Walls:
@@ -49,7 +57,7 @@ class Walls:
         if occupancy is None or occupancy.grid is None:
             return np.zeros((len(places_xy), len(others_xy)), dtype=np.int64)
         if self._walls is None:
-            self._walls = _long_things(occupancy)
+            self._walls = wall_cells(occupancy)
         grid = occupancy.grid
         gap = math.ceil(_GAP / grid.resolution)
         places, others = grid.positions_at(places_xy), grid.positions_at(others_xy)
@@ -58,13 +66,56 @@ class Walls:
         return count
 
 
-def _long_things(occupancy: OccupancyLayer) -> BoolArray:
-    """Return which cells are of something as long as a wall."""
+def wall_cells(occupancy: OccupancyLayer) -> BoolArray:
+    """Return which cells are walls: of something long, without the furniture before it.
+
+    Behind a cupboard, the wall goes on straight.
+
+    Args:
+        occupancy: a layer with cells.
+    """
     assert occupancy.grid is not None
     assert occupancy.cells is not None
-    parts, _ = label(occupancy.cells > FREE, np.ones((3, 3)))
-    sizes = [max(part.stop - part.start for part in where) for where in find_objects(parts)]
-    is_long = [size * occupancy.grid.resolution >= _LEAST for size in sizes]
+    least = _LEAST / occupancy.grid.resolution
+    cells = occupancy.cells > FREE
+    side = max(2, math.ceil(_DEEP / occupancy.grid.resolution))
+    is_thick = binary_opening(cells, np.ones((side, side), dtype=bool))
+    furniture = is_thick & ~_long_things(is_thick, least)
+    walls = cells & ~furniture
+    parts, _ = label(furniture, _NEIGHBORS)
+    ends = [_ends(parts, number, walls, box) for number, box in enumerate(find_objects(parts), 1)]
+    for first, last in filter(None, ends):
+        steps = 2 + int(2 * np.abs(last - first).max())
+        walls[tuple(np.round(np.linspace(first, last, steps)).astype(int).T)] = True
+    return _long_things(walls, least)
+
+
+def _ends(
+    parts: IntArray, number: int, walls: BoolArray, box: tuple[slice, slice]
+) -> tuple[IntArray, IntArray] | None:
+    """Return the two wall cells next to a part that are farthest from each other; None for none.
+
+    Args:
+        parts: number of the part that each cell belongs to.
+        number: of the part.
+        walls: which cells are walls.
+        box: around the part.
+    """
+    low = np.array([max(0, side.start - 1) for side in box])
+    around = tuple(slice(a, side.stop + 1) for a, side in zip(low, box, strict=True))
+    next_to = binary_dilation(parts[around] == number, _NEIGHBORS) & walls[around]
+    cells = np.argwhere(next_to) + low
+    if len(cells) < 2:
+        return None
+    distances = np.hypot(*(cells[:, np.newaxis] - cells).transpose(2, 0, 1))
+    first, last = np.unravel_index(np.argmax(distances), distances.shape)
+    return cells[first], cells[last]
+
+
+def _long_things(cells: BoolArray, least: float) -> BoolArray:
+    """Return which cells are of something that is at least so many cells long."""
+    parts, _ = label(cells, _NEIGHBORS)
+    is_long = [max(side.stop - side.start for side in box) >= least for box in find_objects(parts)]
     return np.asarray(np.array([False, *is_long])[parts])
 
 
