@@ -78,6 +78,11 @@ def test_a_page_that_begins_like_a_picture_later_is_none():
         ("film.mp4", b"plain text", "says that it is a video"),
         ("half.jpg", picture("JPEG")[:400], "half.jpg: the picture is damaged"),
         ("half.png", picture("PNG")[:400], "half.png: the picture is damaged"),
+        (
+            "head.jpg",
+            b"\xff\xd8\xff" + b"x" * 99,
+            "head.jpg: the picture is damaged: its header cannot",
+        ),
         ("none.txt", b"", "none.txt: is empty"),
     ],
 )

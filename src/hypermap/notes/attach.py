@@ -10,7 +10,7 @@ import warnings
 from pathlib import Path, PurePath
 from typing import BinaryIO
 
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from hypermap.core.errors import FileMissing, HypermapError, NoteError
 from hypermap.core.notes import Attachment
@@ -108,6 +108,8 @@ def _check_picture(file: BinaryIO, name: str, media_type: str) -> None:
                     return
     except Image.DecompressionBombError:
         pixels = 2 * _MOST_PIXELS
+    except UnidentifiedImageError:  # its message shows our buffer
+        raise NoteError(f"{name}: the picture is damaged: its header cannot be read") from None
     except Exception as error:  # the decoders raise nearly anything for damaged files
         raise NoteError(f"{name}: the picture is damaged: {error}") from None
     raise NoteError(

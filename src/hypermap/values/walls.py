@@ -91,7 +91,7 @@ def wall_cells(occupancy: OccupancyLayer) -> BoolArray:
 
 
 def _ends(
-    parts: IntArray, number: int, walls: BoolArray, box: tuple[slice, slice]
+    parts: IntArray, number: int, walls: BoolArray, box: tuple[slice, ...]
 ) -> tuple[IntArray, IntArray] | None:
     """Return the two wall cells next to a part that are farthest from each other; None for none.
 
