@@ -266,6 +266,24 @@ def test_another_schema_version_is_refused(
             connection.execute("INSERT INTO hypermap.store_version VALUES (%s)", (SCHEMA_VERSION,))
 
 
+@pytest.mark.parametrize(
+    "text", ["postgresql://a@h/\udcff", "postgresql://h/b?site=\udcff", "postgresql://%99@h/b"]
+)
+def test_an_address_of_half_characters_is_refused(text: str) -> None:
+    with pytest.raises(StoreError, match=r"not valid Unicode|expected postgresql://"):
+        parse_address(text)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"), [("", "a site needs a name"), ("\udcff", "is not valid Unicode")]
+)
+def test_a_site_that_cannot_have_that_name_is_refused(
+    database: Database, a_map: Hypermap, name: str, reason: str
+) -> None:
+    with pytest.raises(StoreError, match=reason):
+        push(database, a_map, name)
+
+
 def test_an_address_hides_its_password_and_survives_being_a_path() -> None:
     address = parse_address("postgresql://me:se/cret@db:5433/maps?sslmode=require&site=a b")
     assert "cret" not in repr(address) + address.shown

@@ -106,6 +106,10 @@ def _with_all_slashes(text: str) -> str:
         raise StoreError(
             f"{shown!r} is not the address of a store: postgresql://USER@HOST/DATABASE"
         )
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise StoreError("the address of the store is not valid Unicode") from None
     slashes, rest = match[1], text[match.end() :]
     if len(slashes) == 1:
         slashes = "//" if "/" in rest.partition("?")[0] else "///"
@@ -120,7 +124,7 @@ def _can_be_parsed(database: str) -> bool:
     psycopg = driver()
     try:
         psycopg.conninfo.conninfo_to_dict(database)
-    except psycopg.ProgrammingError:
+    except (psycopg.ProgrammingError, UnicodeError):
         return False
     return True
 

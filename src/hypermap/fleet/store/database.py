@@ -161,6 +161,11 @@ class Database:
             raise StoreError(f"{self.address.shown}: {_reason(error)}") from None
         except (psycopg.DataError, psycopg.InternalError) as error:  # the latter of PostGIS
             raise StoreError(f"{self.address.shown}: {_reason(error)}") from None
+        except UnicodeEncodeError as error:
+            text = error.object[:60]
+            raise StoreError(
+                f"{self.address.shown}: {text!r} is not valid Unicode and cannot be stored"
+            ) from None
 
     def __del__(self) -> None:
         self.close()

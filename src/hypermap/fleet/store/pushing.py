@@ -209,6 +209,8 @@ def _site_to_write(
     cursor: Cursor[Any], database: Database, site: str, update: bool, expected: int | None
 ) -> tuple[int, int]:
     where = database.address.shown
+    if not site:
+        raise StoreError(f"{where}: a site needs a name")
     found = lock_site(cursor, site)
     if found is None:
         if expected is not None:
