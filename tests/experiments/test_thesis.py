@@ -286,6 +286,12 @@ def _command_line(process: str) -> str:
         (["thesiss"], "there is no experiment 'thesiss'; did you mean 'thesis'?"),
         (["thesis", "--worlds", "labb"], "there is no world 'labb'; did you mean 'lab'?"),
         (["thesis", "--errors", "bad"], "there is no level of errors 'bad'"),
+        (["days", "--method", "m.yaml"], "--method: the experiment `days` does not have it"),
+        (["thesis", "--parts", "rays"], "--parts: the experiment `thesis` does not have it"),
+        (
+            ["ablation", "--methods", "best"],
+            "--methods: the experiment `ablation` does not have it",
+        ),
         (["days", "--network"], "--network: the experiment `days` does not have it"),
         (
             ["thesis", "--worlds", "lab,floor,lab"],

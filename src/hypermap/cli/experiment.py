@@ -155,4 +155,5 @@ def command(
         rate=rate,
         given_jobs=jobs,
     )
+    plan.check_options()
     importlib.import_module(_EXPERIMENTS[name]).run(plan, output, as_json, replace)

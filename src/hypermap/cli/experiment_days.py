@@ -11,7 +11,6 @@ from hypermap.cli.experiment_plan import Plan
 from hypermap.cli.options import check_output
 from hypermap.cli.progress import counting
 from hypermap.cli.terminal import out, say, say_json, table
-from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.experiments.days import Tally
@@ -25,9 +24,6 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     from hypermap.mapping.config import profile
     from hypermap.simulation import varied
 
-    if plan.network or plan.added:
-        option = "--network" if plan.network else "--method"
-        raise HypermapError(f"{option}: the experiment `days` does not have it")
     figures = output or Path("days.json")
     check_output(figures, replace)
     found: dict[str, list[Tally]] = {}

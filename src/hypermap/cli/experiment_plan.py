@@ -20,6 +20,15 @@ if TYPE_CHECKING:
     from hypermap.simulation import Errors, World
 
 
+_HAVE = {
+    "--methods": ("thesis",),
+    "--method": ("thesis", "ablation"),
+    "--parts": ("ablation",),
+    "--network": ("thesis", "ablation"),
+}
+"""Which experiments have an option that not all have."""
+
+
 @dataclass(frozen=True)
 class Plan:
     """The options of `hypermap experiment`, as they are given.
@@ -53,6 +62,18 @@ class Plan:
     network: bool
     rate: float
     given_jobs: int
+
+    def check_options(self) -> None:
+        """Raise a HypermapError if an option is given that the experiment does not have."""
+        given = {
+            "--methods": self.methods != "all",
+            "--method": bool(self.added),
+            "--parts": self.parts != "all",
+            "--network": self.network,
+        }
+        for option, is_given in given.items():
+            if is_given and self.name not in _HAVE[option]:
+                raise HypermapError(f"{option}: the experiment `{self.name}` does not have it")
 
     @property
     def seed_range(self) -> range:
