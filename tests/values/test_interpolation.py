@@ -11,7 +11,7 @@ import pytest
 from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.values import FieldSettings, Interpolation, Samples, interpolate
+from hypermap.values import FieldSettings, Interpolation, Samples, interpolate, interpolation
 
 pytestmark = pytest.mark.xdist_group("interpolation")  # they share what takes long to make
 
@@ -245,3 +245,22 @@ def test_cells_finer_than_the_field_are_on_their_own_side_of_a_wall(two_rooms, m
     np.testing.assert_allclose(at(fine, places), at(mapped, places), atol=0.3)
     beside = at(fine, [[3.85, 2.0], [4.15, 2.0]])
     assert abs(beside[0] - beside[1]) > 3
+
+
+def test_very_many_samples_are_taken_together_by_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Means at one place say what all samples there say, also of the noise."""
+    rng = np.random.default_rng(3)
+    points = np.repeat(rng.uniform(0, 4, (200, 2)), 10, axis=0)
+    values = 20 + np.sin(points[:, 0]) + rng.normal(0, 0.3, len(points))
+    samples = Samples.of(points, values, stamps=np.arange(len(points)))
+    alone = interpolate(samples, half_life=5000.0)
+    monkeypatch.setattr(interpolation, "_MOST_APART", 1000)
+    monkeypatch.setattr(interpolation, "_SAME_PLACE_AT_MOST", 1e-6)
+    together = interpolate(samples, half_life=5000.0)
+    np.testing.assert_allclose(together.values, alone.values, atol=1e-6)
+    np.testing.assert_allclose(together.deviations, alone.deviations, atol=1e-6)
+    assert together.noise == pytest.approx(alone.noise, rel=1e-6)
+    monkeypatch.setattr(interpolation, "_SAME_PLACE_AT_MOST", 0.1)
+    moved = points + rng.uniform(-0.02, 0.02, points.shape)
+    near = interpolate(Samples.of(moved, values))
+    assert near.noise == pytest.approx(0.3, rel=0.1)

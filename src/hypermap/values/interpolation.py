@@ -34,6 +34,9 @@ _NODES = 20_000  # maximum at automatic resolution
 _MOST_NODES = 100_000  # a gigabyte of blocks if the floor is square
 _MOST_CELLS = 2_000_000  # of a grid; smaller than the nodes' where these are too many
 _ROWS_AT_ONCE = 50  # of cells
+_MOST_APART = 200_000  # samples; of more, those at one place become their mean
+_SAME_PLACE = 0.25  # of a cell's side
+_SAME_PLACE_AT_MOST = 0.1  # meters, as samples on both sides of a wall must stay apart
 _NODES_TO_FIT = 2_500
 _UNEXPLAINED = 0.5  # of the variance, above which there is no value
 _FARTHEST = 1e9  # meters from the origin
@@ -348,7 +351,22 @@ def _observed(
     """Return samples as observations; older ones than the newest are less precise."""
     ages = np.zeros(len(samples)) if half_life is None else (newest - samples.stamps) / half_life
     precision = np.exp2(-np.minimum(ages, _OLDEST))
+    if len(samples) > _MOST_APART and not samples.is_below.any():
+        return _by_place(lattice, samples, precision)
     return Observations(lattice.weights_at(samples.points_xy), samples.values, precision)
+
+
+def _by_place(lattice: Lattice, samples: Samples, precision: NDArray[np.float64]) -> Observations:
+    """Return the means of the samples in each small square as observations."""
+    side = min(_SAME_PLACE * lattice.grid.resolution, _SAME_PLACE_AT_MOST)
+    places, values = samples.points_xy, samples.values
+    rows, cols = np.floor((places - places.min(axis=0)) / side).astype(np.int64).T
+    _, square = np.unique(rows * (cols.max() + 1) + cols, return_inverse=True)
+    sums = np.asarray(np.bincount(square, precision), dtype=np.float64)
+    x, y, mean = (np.bincount(square, precision * each) / sums for each in (*places.T, values))
+    scatter = float((precision * (values - mean[square]) ** 2).sum())
+    weights = lattice.weights_at(np.column_stack([x, y]))
+    return Observations(weights, mean, sums, len(values) - len(sums), scatter)
 
 
 def grid_around(samples: Samples, resolution: float | None = None) -> GridGeometry:

@@ -22,7 +22,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.values.fitting import below_limit
 from hypermap.values.interpolation import Interpolation, field_of, weights_of_cells
-from hypermap.values.random_field import FieldSettings, Observations, Posterior
+from hypermap.values.random_field import FieldSettings, Posterior
 
 _MOST_UPDATES = 100  # with the same factors; the memory of each is that of all nodes
 _FELT = 1e-3  # of a deviation: cells that change by less wait for a sample nearer to them
@@ -152,10 +152,11 @@ class LiveField:
         column /= math.sqrt(total)
         self._columns.append(column)
         observed = self._observed
-        self._observed = Observations(
-            csr_array(vstack([observed.weights, weights])),
-            np.append(observed.values, value),
-            np.append(observed.precision, precision),
+        self._observed = replace(
+            observed,
+            weights=csr_array(vstack([observed.weights, weights])),
+            values=np.append(observed.values, value),
+            precision=np.append(observed.precision, precision),
         )
         self._draw(column)
 

@@ -100,11 +100,21 @@ class Observations:
         weights: of the nodes in each, shape (M, N); rows add up to 1.
         values: shape (M,), in the quantity's unit.
         precision: of each, as a multiple of that of one sample, shape (M,).
+        more: how many more samples there are, where some are means of several at one place.
+        scatter: the sum of the squares, weighted by precision, by which these differ from their
+            means.
     """
 
     weights: csr_array
     values: _Vector
     precision: _Vector
+    more: int = 0
+    scatter: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """How many samples say something."""
+        return int(np.count_nonzero(self.precision)) + self.more
 
     @cached_property
     def information(self) -> csr_array:
@@ -228,10 +238,9 @@ class Posterior:
             The logarithm of the density, but for a constant, and the deviation in the quantity's
             unit.
         """
-        count, trends = int(np.count_nonzero(self._observations.precision)), len(self._mixture)
+        count, trends = self._observations.count, len(self._mixture)
         free = max(count - trends, 1)
-        misfit = float(self._weighted(self._rest, self._fitted) @ self._rest)
-        variance = max(misfit / free, np.finfo(float).tiny)
+        variance = max(self._misfit() / free, np.finfo(float).tiny)
         determinants = (
             self._factor.log_determinant()
             - self._prior.log_determinant
@@ -265,11 +274,12 @@ class Posterior:
         sums = np.array([trends[i].T @ pull - informed[i].T @ pulled for i in (0, 1)])
         weighted = self._observations.precision / self._noise**2
         square = float((weighted * self._observations.values) @ self._observations.values)
+        square += self._observations.scatter / self._noise**2
         ridge = np.diag([0.0, _LIKELY_MIXTURE**-2])
         mixtures = np.linalg.solve(products.T + ridge, sums.T[..., np.newaxis])[..., 0]
         misfits = square - pull @ pulled - np.einsum("kp,pk->k", mixtures, sums)
         misfits = np.maximum(misfits, np.finfo(float).tiny)
-        likelihoods = -0.5 * np.count_nonzero(self._observations.precision) * np.log(misfits)
+        likelihoods = -0.5 * self._observations.count * np.log(misfits)
         return np.where(mixtures[:, 1] > 0, likelihoods, -np.inf)
 
     def greatest_likelihood(self) -> float:
@@ -277,14 +287,18 @@ class Posterior:
 
         Fields with different trends can be compared by it, other than by `log_likelihood`.
         """
-        count = max(int(np.count_nonzero(self._observations.precision)), 1)
-        misfit = float(self._weighted(self._rest, self._fitted) @ self._rest)
+        count, misfit = max(self._observations.count, 1), self._misfit()
         determinants = (
             self._factor.log_determinant()
             - self._prior.log_determinant
             + 2 * count * math.log(self._noise)
         )
         return -0.5 * (count * math.log(max(misfit / count, 1e-300)) + determinants)
+
+    def _misfit(self) -> float:
+        """Return the square of what is unexplained, by the observations' inverse covariance."""
+        between = float(self._weighted(self._rest, self._fitted) @ self._rest)
+        return between + self._observations.scatter / self._noise**2
 
     def _weighted(self, values: _Vector, solved: _Vector) -> _Vector:
         """Return the inverse covariance of the observations times values, shape (M,) or (M, P).
