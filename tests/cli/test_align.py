@@ -81,3 +81,10 @@ def test_another_place_is_refused(hypermap: Run, days: tuple[Path, Path], tmp_pa
     )
     assert_one_error(hypermap("align", days[0], file, "-o", out), "the maps do not match")
     assert not out.exists()
+
+
+def test_a_map_that_is_not_bent_is_not_bent(hypermap: Run, days: tuple[Path, Path]) -> None:
+    out = days[0].with_name("out.hmap")
+    assert_one_error(hypermap("align", *days, "--local", "-o", out), "bending does not help")
+    assert_one_error(hypermap("align", *days, "--local"), "--local and --force need -o OUT")
+    assert not out.exists()

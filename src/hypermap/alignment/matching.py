@@ -32,7 +32,7 @@ _WALL = 0.08  # [m] up to which walls are the same, plus half a cell of each map
 _OBJECT = 0.6  # [m] up to which objects of one name are the same
 _OBJECT_WEIGHT = 1.0  # [m] of wall for which an object in its place counts, and against, elsewhere
 
-_LEAST_AGREEMENT = 0.75
+_LEAST_AGREEMENT, _LEAST_IF_BENT = 0.75, 0.4
 _LEAST_OVERLAP = 0.15
 _LEAST_CERTAINTY = 0.12
 _LEAST_OBJECTS, _ENOUGH_OBJECTS = 0.15, 8  # share, and from how many on it counts
@@ -79,6 +79,7 @@ def align(
     *,
     initial: Pose2D | None = None,
     layers: tuple[str | None, str | None] = (None, None),
+    is_bent: bool = False,
 ) -> Alignment:
     """Align the second map to the first, by their occupancy layers and objects.
 
@@ -88,6 +89,7 @@ def align(
         initial: approximate pose of the second map's base frame in that of the first, within 2 m
             and 30 degrees; None for anywhere.
         layers: names of their occupancy layers; None for the only one.
+        is_bent: whether one map may be bent, so that fewer walls agree; see `bend_of`.
 
     Raises:
         NotAligned: If no pose matches well enough, or several match about equally.
@@ -103,14 +105,14 @@ def align(
     if other is not None and best.support > 0:
         certainty = float(np.clip(1 - other.support / best.support, 0, 1))
     found = Alignment(best.pose, best.agreement, best.overlap, best.objects, certainty, best.others)
-    _check(found)
+    _check(found, _LEAST_IF_BENT if is_bent else _LEAST_AGREEMENT)
     return found
 
 
-def _check(found: Alignment) -> None:
+def _check(found: Alignment, least_agreement: float) -> None:
     pose = found.a_T_b
     where = f"x {pose.x:.2f} m, y {pose.y:.2f} m, {math.degrees(pose.yaw):.1f} degrees"
-    if found.agreement < _LEAST_AGREEMENT or found.overlap < _LEAST_OVERLAP:
+    if found.agreement < least_agreement or found.overlap < _LEAST_OVERLAP:
         raise NotAligned(
             f"the maps do not match: at the best pose ({where}), {found.overlap:.0%} of the "
             f"smaller map overlaps, and {found.agreement:.0%} of the walls there lie on walls of "

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.options import AsJson, Force, MapPath, check_output
 from hypermap.cli.terminal import note, say, say_json
+
+if TYPE_CHECKING:
+    from hypermap.alignment import Alignment, Bend
 
 COMMAND_CLASS = PointsCommand
 
@@ -54,6 +57,14 @@ def command(
             help="Name of OTHER's frame in OUT, if both maps use the same name.",
         ),
     ] = None,
+    local: Annotated[
+        bool,
+        typer.Option(
+            "--local",
+            help="OTHER is bent, as by poses that drifted: find a shift for each place, and save "
+            "its objects, zones, notes and values on the occupancy layer of MAP.",
+        ),
+    ] = False,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
@@ -63,36 +74,57 @@ def command(
     With -o, it saves OTHER with this transform, so that you can query it in the frame of MAP. If
     no pose matches, or several do, it says so and saves nothing.
 
+    --local moves the layers of a bent map onto a better occupancy map. Mapping cannot continue the
+    result.
+
     Examples:
         hypermap align monday.hmap tuesday.hmap
         hypermap align monday.hmap tuesday.hmap -o tuesday-aligned.hmap
         hypermap align monday.hmap tuesday.hmap --initial 2,-1,90
+        hypermap align laser.hmap office.hmap --local -o office-on-laser.hmap
     """
-    from hypermap.alignment import align, in_frame_of
+    from hypermap.alignment import align, bend_of, in_frame_of
     from hypermap.core.errors import HypermapError
     from hypermap.core.history import MAP_ID
     from hypermap.formats import open_map, save_map
     from hypermap.formats.backup import ALIGNED_TO
+    from hypermap.mapping.bent_map import bent_onto
     from hypermap.questions.asking import parse_pose
 
     if output is not None:
         if output.suffix.lower() != ".hmap":
             raise HypermapError(f"{output}: the result is saved as .hmap")
         check_output(output, force)
-    elif new_frame is not None or force:
-        raise HypermapError("--new-frame and --force need -o OUT")
+    elif new_frame is not None or force or local:
+        raise HypermapError("--new-frame, --local and --force need -o OUT")
+    if local and new_frame is not None:
+        raise HypermapError("--new-frame: the result of --local is in the frame of MAP")
     about = None if initial is None else parse_pose(initial, "--initial")
     first, second = open_map(path), open_map(other)
-    found = align(first, second, initial=about)
+    found = align(first, second, initial=about, is_bent=local)
     pose = found.a_T_b
-    if output is not None:
+    bend = bend_of(first, second, pose) if local else None
+    if output is not None and bend is not None:
+        save_map(bent_onto(first, second, pose, bend), output)
+    elif output is not None:
         moved = in_frame_of(first, second, pose, new_frame)
         if MAP_ID in first.metadata:
             moved.metadata[ALIGNED_TO] = first.metadata[MAP_ID]
         save_map(moved, output)
+    _tell(found, bend, first.base_frame, as_json)
+    if bend is not None:
+        note(f"saved {output}")
+    elif output is not None:
+        note(f"saved {output}; its frame {moved.base_frame!r} lies in {first.base_frame!r}")
+
+
+def _tell(found: Alignment, bend: Bend | None, frame_id: str, as_json: bool) -> None:
+    pose = found.a_T_b
     if as_json:
-        document = {"x": pose.x, "y": pose.y, "yaw": pose.yaw, "frame_id": first.base_frame}
+        document = {"x": pose.x, "y": pose.y, "yaw": pose.yaw, "frame_id": frame_id}
         document |= {"agreement": found.agreement, "overlap": found.overlap}
+        if bend is not None:
+            document |= {"agreement_bent": bend.after, "largest_shift": bend.largest}
         say_json({**document, "objects": found.objects, "certainty": found.certainty})
     else:
         say(f"x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} degrees")
@@ -101,5 +133,8 @@ def command(
             f"overlap, {found.objects} objects fit; the next best place fits "
             f"{found.certainty:.0%} worse"
         )
-    if output is not None:
-        note(f"saved {output}; its frame {moved.base_frame!r} lies in {first.base_frame!r}")
+        if bend is not None:
+            say(
+                f"bent by up to {bend.largest:.2f} m: {bend.after:.0%} of the borders of walls "
+                f"agree, {bend.before:.0%} before"
+            )
