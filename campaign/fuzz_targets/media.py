@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import io
 import random
+import re
 from collections.abc import Iterator
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,17 @@ from hypermap.recordings.pictures import decode_color, decode_integers, picture_
 from hypermap.viewer.live.attached import file_reply
 from hypermap.viewer.object_pictures import image_of
 
+_MARKDOWN = b"""# A <b onclick="x()">
+[b](http://c "t") ![p](https://x/y.png) [j](javascript:alert(1)) <javascript:x> <https://ok/>
+[d]: data:text/html,<script>x</script> "t"
+[d] | `c` | &lt;script&gt; &#106;avascript: \\<i> *e* **s**
+
+| a | b |
+|:-:|--:|
+| <!-- x --> | [r][d] |
+
+> - 1. ```js"><script>
+"""
 _HARMFUL = ("html", "svg", "xml", "script")
 
 
@@ -30,11 +43,42 @@ def media(_: Path) -> Target:
     def ask(data: bytes) -> None:
         name, _, content = data.partition(b"\n")
         _attach(content, name.decode(errors="surrogateescape"))
-        html = as_html(content[:4096].decode(errors="replace"))
-        if "<script" in html.lower() or 'href="javascript:' in html.lower():
-            raise AssertionError("a text became a program")
+        reader = _Inert()
+        reader.feed(as_html(content[:4096].decode(errors="replace")))
+        reader.close()
 
     return Target(ask, [f"{name}\n".encode() + content for name, content in _files()], _mutate_file)
+
+
+class _Inert(HTMLParser):
+    """Reads HTML that may hold nothing but words, tables and links to web pages."""
+
+    _TAGS = frozenset(
+        [
+            *("p", "br", "hr", "em", "strong", "code", "pre", "blockquote", "a", "ul", "ol", "li"),
+            *("table", "thead", "tbody", "tr", "th", "td", "h1", "h2", "h3", "h4", "h5", "h6"),
+        ]
+    )
+    _ATTRIBUTES = frozenset(["href", "title", "target", "rel", "class", "start", "style"])
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Look at a tag and its attributes."""
+        if tag not in self._TAGS:
+            raise AssertionError(f"a text became a <{tag}>")
+        for name, value in attrs:
+            is_link = not value or value.startswith(("http://", "https://"))  # or leads nowhere
+            if name not in self._ATTRIBUTES or (name == "href" and not is_link):
+                raise AssertionError(f"a text became {name}={value!r}")
+            if name == "style" and not re.fullmatch("text-align:(left|center|right)", value or ""):
+                raise AssertionError(f"a text became a style: {value!r}")
+
+    def handle_decl(self, decl: str) -> None:
+        """Refuse what no text is."""
+        raise AssertionError(f"a text became <!{decl}>")
+
+    def handle_comment(self, data: str) -> None:
+        """Refuse what no text is."""
+        raise AssertionError(f"a text became <!--{data}-->")
 
 
 def images(_: Path) -> Target:
@@ -94,7 +138,7 @@ def _images() -> Iterator[bytes]:
 
 def _files() -> list[tuple[str, bytes]]:
     gray = Image.fromarray(np.arange(48, dtype=np.uint8).reshape(6, 8) * 5)
-    files = [("plan.svg", b"<svg onload='alert(1)'></svg>"), ("x.md", b"# A\n[b](http://c) `d`\n")]
+    files = [("plan.svg", b"<svg onload='alert(1)'></svg>"), ("x.md", _MARKDOWN)]
     for kind in ("PNG", "JPEG", "GIF", "WEBP"):
         written = io.BytesIO()
         gray.save(written, kind)
