@@ -13,12 +13,12 @@ from urllib.request import urlopen
 
 import pytest
 from starlette.applications import Starlette
+from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.routing import Route
 
 from hypermap.viewer.live import connections
 from hypermap.viewer.live import serving as module
-from hypermap.viewer.live.connections import MOST_CONNECTIONS
 from hypermap.viewer.live.serving import listen, serving
 
 
@@ -37,17 +37,27 @@ class Quick:
 
     def __init__(self) -> None:
         self.once: set[str] = set()
-        self.app = Starlette(routes=[Route("/", lambda _: PlainTextResponse("here"))])
+        self.app = Starlette(
+            routes=[
+                Route("/", lambda _: PlainTextResponse("here")),
+                Route("/body", self._read, methods=["POST"]),
+            ]
+        )
+
+    async def _read(self, request: Request) -> PlainTextResponse:
+        return PlainTextResponse(await request.body())
 
 
 @contextlib.contextmanager
-def half_open(address: tuple[str, int], count: int) -> Iterator[list[socket.socket]]:
-    """Yield connections that begin to ask for something, and go no further."""
+def half_open(
+    address: tuple[str, int], count: int, said: bytes = b"GET / HTTP/1.1\r\nHost: "
+) -> Iterator[list[socket.socket]]:
+    """Yield connections that begin to say something, and go no further."""
     with contextlib.ExitStack() as opened:
         found = []
         for _ in range(count):
             one = opened.enter_context(socket.create_connection(address, timeout=30))
-            one.sendall(b"GET / HTTP/1.1\r\nHost: ")
+            one.sendall(said)
             found.append(one)
         yield found
 
@@ -59,11 +69,18 @@ def has_ended(connection: socket.socket) -> bool:
         return True
 
 
-def test_connections_that_ask_for_nothing_keep_nobody_out() -> None:
+HALF_A_BODY = b"POST /body HTTP/1.1\r\nHost: here\r\nContent-Length: 4\r\n\r\nhe"
+
+
+@pytest.mark.parametrize("said", [b"GET / HTTP/1.1\r\nHost: ", HALF_A_BODY], ids=["head", "body"])
+def test_connections_that_go_no_further_keep_nobody_out(
+    said: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "MOST_CONNECTIONS", 16)
     with listen("127.0.0.1", 0) as listening, serving(Quick(), listening):
         address = listening.getsockname()
-        with half_open(address, 3 * MOST_CONNECTIONS) as idle:
-            assert all(has_ended(one) for one in idle[:MOST_CONNECTIONS])
+        with half_open(address, 48, said) as idle:
+            assert all(has_ended(one) for one in idle[:16])
             with urlopen(f"http://127.0.0.1:{address[1]}/", timeout=30) as answer:
                 assert answer.read() == b"here"
 
@@ -80,6 +97,18 @@ def test_a_request_must_say_in_time_what_it_asks_for(monkeypatch: pytest.MonkeyP
                 answer += again.recv(1000)
             again.sendall(b"GET / HTTP/1.1\r\n")  # and no more
             assert has_ended(again)
+
+
+def test_the_rest_of_a_body_must_come_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "BODY_TIME", 0.1)
+    with listen("127.0.0.1", 0) as listening, serving(Quick(), listening):
+        with half_open(listening.getsockname(), 1, HALF_A_BODY) as (one,):
+            assert has_ended(one)
+        with half_open(listening.getsockname(), 1, HALF_A_BODY) as (one,):
+            one.sendall(b"re")
+            answer = b""
+            while not answer.endswith(b"here"):
+                answer += one.recv(1000)
 
 
 class Interrupted:

@@ -12,18 +12,22 @@ MOST_CONNECTIONS = 128
 """A browser opens six for all its windows; a program may have some hundred files open."""
 HEADER_TIME = 10.0
 """Seconds in which a request must have said what it asks for."""
+BODY_TIME = 30.0
+"""Seconds in which the next piece of a request's body must come."""
 
 
 class Connection(H11Protocol):
-    """A connection that ends where no request comes in time.
+    """A connection that ends where no request comes in time, or not the rest of one.
 
-    Where there are too many, the one that has waited longest without a request makes room.
+    Where there are too many, one that waits for its client makes room.
 
     Attributes:
-        waiting: ends the connection in time, while there is no request.
+        waiting: ends the connection in time, while the client has to say something.
+        silent_since: when it said something last, by the clock of the loop [s].
     """
 
     waiting: asyncio.TimerHandle | None = None
+    silent_since = 0.0
 
     def connection_made(self, transport: Any) -> None:
         """Wait for a request."""
@@ -33,26 +37,42 @@ class Connection(H11Protocol):
             _end_idlest(one for one in self.connections if isinstance(one, Connection))
 
     def data_received(self, data: bytes) -> None:
-        """Stop waiting when a request is there."""
+        """Stop waiting when a request is there; wait for the rest of its body."""
         super().data_received(data)
-        if self.cycle is not None and not self.cycle.response_complete:
-            self.stop_waiting()
+        self._wait_for_the_rest()
 
     def on_response_complete(self) -> None:
         """Wait for the next request."""
         self._wait()
         super().on_response_complete()
-        if self.cycle is not None and not self.cycle.response_complete:  # it was there already
-            self.stop_waiting()
+        self._wait_for_the_rest()  # of one that was there already
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop waiting."""
         self.stop_waiting()
         super().connection_lost(exc)
 
-    def _wait(self) -> None:
+    def _wait_for_the_rest(self) -> None:
+        """Wait for the rest of a request that is there; for none if it is whole."""
+        if self.cycle is None or self.cycle.response_complete:
+            return
+        if self.cycle.more_body:
+            self._wait(BODY_TIME)
+        else:
+            self.stop_waiting()
+
+    def _wait(self, seconds: float | None = None) -> None:
         self.stop_waiting()
-        self.waiting = self.loop.call_later(HEADER_TIME, self.transport.abort)
+        seconds = HEADER_TIME if seconds is None else seconds
+        self.silent_since = self.loop.time()
+        self.waiting = self.loop.call_later(seconds, self._end, seconds)
+
+    def _end(self, seconds: float) -> None:
+        """End it, unless it is we who do not read what the client sends."""
+        if self.flow.read_paused:
+            self._wait(seconds)
+        else:
+            self.transport.abort()
 
     def stop_waiting(self) -> None:
         """Stop waiting for a request."""
@@ -62,9 +82,9 @@ class Connection(H11Protocol):
 
 
 def _end_idlest(connections: Iterable[Connection]) -> None:
-    """End the connection that has waited longest without a request."""
-    ends = [(one.waiting.when(), one) for one in connections if one.waiting is not None]
-    if ends:
-        _, idlest = min(ends, key=lambda end: end[0])
+    """End the connection whose client has had something to say for longest, and has not."""
+    silent = [one for one in connections if one.waiting and not one.flow.read_paused]
+    if silent:
+        idlest = min(silent, key=lambda one: one.silent_since)
         idlest.stop_waiting()  # nor is it chosen again before it has ended
         idlest.transport.abort()
