@@ -136,7 +136,11 @@ def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Q
         ({"give": "places"}, "'places' needs measured values with a limit"),
         ({"give": "value"}, "values, the highest and the lowest need measured values"),
         ({"value": 3}, "only 'labels' has the values of cells"),
-        ({"start": {"area": "POLYGON((0 0"}}, "start: the area is not WKT"),
+        ({"start": {"area": "POLYGON((0 0"}}, "start: this is not WKT"),
+        (
+            {"start": {"area": "GEOMETRYCOLLECTION(" * 200_000}},
+            "start: a collection in a collection is not read",
+        ),
         ({"start": {"area": "POINT(0 0)"}}, "start: the area is empty"),
         ({"names": ["a"], "rooms": ["b"]}, "for rooms or for objects, not for both"),
         ({"per": "floor"}, "'floor' is not one of room"),

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Literal, TypeAlias, get_args
 
-import shapely
-
+from hypermap.core.area_text import area_from_wkt
 from hypermap.core.errors import HypermapError
 
 Give: TypeAlias = Literal[
@@ -95,7 +94,7 @@ class Reference:
                 "a reference is exactly one of names, rooms, a point, an area, and the asker"
             )
         if self.area is not None:
-            _check_area(self.area)
+            area_from_wkt(self.area)
         if self.point_xy is not None:
             _check_near("a point", self.point_xy)
         if self.where and not self.names:
@@ -352,15 +351,6 @@ class Query:
         from hypermap.questions.query_json import query_of  # which knows this class
 
         return query_of(values)
-
-
-def _check_area(text: str) -> None:
-    try:
-        area = shapely.from_wkt(text)
-    except (shapely.GEOSException, NotImplementedError) as error:
-        raise ValueError(f"the area is not WKT: {error}") from None
-    if area.area == 0 or not area.is_valid:
-        raise ValueError("the area is empty, or its outline crosses itself")
 
 
 def _check_near(what: str, meters: Iterable[float]) -> None:
