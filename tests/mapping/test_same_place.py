@@ -6,12 +6,14 @@ import dataclasses
 import functools
 import logging
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
+from hypermap.formats import save_map
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.recording_to_map import map_recording
@@ -19,6 +21,8 @@ from hypermap.mapping.same_place import OtherPlace, PlaceCheck
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import SameRecording
+from hypermap.ros.mapper.live_map import LiveMap
+from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.simulation import SimulatedRecording, demo_world
 from hypermap.simulation.levels import errors_of_level
 
@@ -83,6 +87,17 @@ def test_the_same_place_a_day_later_is_mapped_without_a_word(caplog, has_objects
 def test_a_drive_in_another_frame_is_refused(world, has_objects):
     with pytest.raises(OtherPlace, match=r"does not fit the map: \d+% of \d+ m of walls agree"):
         mapped(NextDay(world), first_day(), has_objects)
+
+
+def test_a_live_map_warns_once_of_another_frame(tmp_path: Path) -> None:
+    save_map(first_day(), tmp_path / "office.hmap")
+    settings = LiveSettings(depth_topic="/d", detections_topic="/b", onto=f"{tmp_path}/office.hmap")
+    live = LiveMap(settings)
+    frames = list(NextDay(Pose2D(6.0, 4.0, np.pi)).frames())
+    frames += [dataclasses.replace(frame, stamp=frame.stamp + DAY) for frame in frames]
+    said = [live.add(frame)[1] for frame in frames]
+    (warning,) = filter(None, said)
+    assert "what the robot sees does not fit the map" in warning
 
 
 def test_it_is_mapped_anyway_if_the_user_vouches_for_it():

@@ -35,9 +35,9 @@ _LEAST_WALL, _LEAST_SIGHTINGS = 4.0, 15  # [m] of walls and number of sightings 
 # are through a bare corridor, which looks like many.
 _WALLS_FIT, _WALLS_DIFFER, _WALLS_ALONE_DIFFER = 0.65, 0.55, 0.4
 _OBJECTS_FIT, _OBJECTS_DIFFER = 0.6, 0.5
-_ELSEWHERE = (
-    "is it another place, or are its poses in another frame? Map it without --onto and try "
-    "`hypermap align` and `hypermap merge`; --same-place maps it onto this map anyway"
+_REMEDY = (
+    "Map it without --onto and try `hypermap align` and `hypermap merge`; --same-place maps it "
+    "onto this map anyway"
 )
 
 _log = logging.getLogger(__name__)
@@ -138,10 +138,26 @@ class PlaceCheck:
             OtherPlace: If it is another one.
         """
         likeness = self.compare() if is_last and not self._is_one_place else self.likeness
-        if likeness is not None and likeness.differs and (is_last or self._differed > 1):
-            raise OtherPlace(f"{drive} does not fit the map: {likeness.sentence()}; {_ELSEWHERE}")
+        if finding := self.finding(drive, is_last):
+            raise OtherPlace(f"{finding} {_REMEDY}")
         if is_last and self._frames and not (likeness is not None and likeness.fits):
             _log.warning("%s", self._unsure(drive))
+
+    def finding(self, drive: str, is_last: bool = False) -> str:
+        """Return what tells that a drive shows another place, in words; empty if nothing does.
+
+        Args:
+            drive: its name.
+            is_last: whether one comparison suffices, because no other follows.
+        """
+        if self.likeness is None or not self.likeness.differs:
+            return ""
+        if self._differed < 2 and not is_last:
+            return ""
+        return (
+            f"{drive} does not fit the map: {self.likeness.sentence()}; is it another place, or "
+            "are its poses in another frame?"
+        )
 
     def _unsure(self, drive: str) -> str:
         likeness = self.likeness

@@ -19,6 +19,7 @@ from hypermap.mapping.config import MappingConfig, chosen_config
 from hypermap.mapping.correcting import Correction
 from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, replaced
 from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.same_place import PlaceCheck
 from hypermap.mapping.usable import why_unusable
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import load_detector, sources
@@ -82,7 +83,9 @@ class LiveMap:
         """Map a frame.
 
         Returns:
-            What became of it, why if it is unusable, and what it shows if it was mapped.
+            What became of it, why if it is unusable, and what it shows if it was mapped. Of one
+            frame that was mapped, it is told if the robot seems to be in another place than that
+            of the map that is continued.
 
         Raises:
             HypermapError: If nothing can say what the frame shows; the map stays as it was.
@@ -95,7 +98,7 @@ class LiveMap:
             observation = mapper.add(frame)
             if observation is not None:
                 self.revision += 1
-                return Fate.MAPPED, "", observation
+                return Fate.MAPPED, _doubt(mapper), observation
             if mapper.counts.skipped > before.skipped:
                 return Fate.STILL, "", None
             if mapper.counts.repeated > before.repeated:
@@ -289,7 +292,17 @@ class LiveMap:
                 "leave out map_topic"
             )
         self._makes_occupancy = mapper.makes_occupancy
+        mapper.place = PlaceCheck(onto, mapper.config.occupancy)
         return mapper
+
+
+def _doubt(mapper: Mapper) -> str:
+    """Return once what tells that the robot is in another place than that of its map."""
+    finding = "" if mapper.place is None else mapper.place.finding("what the robot sees")
+    if not finding:
+        return ""
+    mapper.place = None
+    return f"{finding} Mapping spoils the map: stop, and take the one that was kept (.bak)"
 
 
 def _map_to_go_on_with(settings: LiveSettings) -> Hypermap | None:
