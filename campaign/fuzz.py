@@ -23,7 +23,7 @@ from campaign.part import Budget, Finding, Result
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 SHORT_RUNS = 15  # of each target, beside its examples
-LEAST = 30.0  # seconds that a target must have after it has prepared itself
+LEAST = 20.0  # seconds that a target must have after it has prepared itself
 _PATIENCE = 100.0  # seconds beyond its time, until a process that asks counts as hanging
 
 
@@ -69,6 +69,9 @@ class _End(Enum):
 class _Shares:
     """Divides the time among targets, which take the longer to begin the busier the machine is.
 
+    Where an equal share of the time is too short for code that is to guide, which takes several
+    times as long to import, targets are fuzzed at random, so that all of them are.
+
     Attributes:
         workers: how many run at a time.
     """
@@ -76,21 +79,28 @@ class _Shares:
     def __init__(self, budget: Budget, targets: int) -> None:
         self.workers = os.cpu_count() or 1
         self._budget, self._to_come = budget, targets
-        self._prepared: list[float] = []  # how long each took to begin, or had and did not [s]
+        # How long those that are guided, and others, took to begin, or had and did not [s].
+        self._prepared: dict[bool, list[float]] = {True: [], False: []}
 
     def answer(self, name: str) -> dict[str, Any] | _End:
         """Return what the process says that fuzzes a target in its share of what is left."""
         if self._budget.short:
-            return _answer_of_process(name, math.inf, self._budget)
-        usual = median(self._prepared) if self._prepared else 0.0
-        share = max(self._budget.left * self.workers / self._to_come, 1.5 * usual + LEAST)
+            return _answer_of_process(name, math.inf, self._budget, SHORT_RUNS)
+        share = self._budget.left * self.workers / self._to_come
+        is_guided = share >= self._needed(True)
         self._to_come -= 1
-        if self._budget.left < usual + LEAST:
+        if self._budget.left < self._needed(is_guided):
             return _End.LATE
-        seconds = min(share, self._budget.left)
-        answer = _answer_of_process(name, seconds, self._budget)
-        self._prepared.append(answer["prepared"] if isinstance(answer, dict) else seconds)
+        seconds = min(max(share, self._needed(is_guided)), self._budget.left)
+        answer = _answer_of_process(name, seconds, self._budget, None if is_guided else "random")
+        took = answer["prepared"] if isinstance(answer, dict) else seconds
+        self._prepared[is_guided].append(took)
         return answer
+
+    def _needed(self, is_guided: bool) -> float:
+        """Return the least time that a target must have [s]."""
+        prepared = self._prepared[is_guided]
+        return (1.5 * median(prepared) if prepared else 0.0) + LEAST
 
 
 def _figure(one: dict[str, Any]) -> str:
@@ -101,15 +111,17 @@ def _figure(one: dict[str, Any]) -> str:
     )
 
 
-def _answer_of_process(name: str, seconds: float, budget: Budget) -> dict[str, Any] | _End:
-    """Return what a process says that fuzzes one target in so many seconds."""
+def _answer_of_process(
+    name: str, seconds: float, budget: Budget, how: int | str | None
+) -> dict[str, Any] | _End:
+    """Return what a process says that fuzzes one target in so many seconds; see its RUNS."""
     folder = budget.folder / name
     started = time.monotonic()
     shutil.rmtree(folder, ignore_errors=True)
     command = [sys.executable, "-m", "campaign.fuzz_worker", name, str(seconds)]
     command += [str(budget.seed), str(folder)]
-    if budget.short:
-        command.append(str(SHORT_RUNS))
+    if how is not None:
+        command.append(str(how))
     with subprocess.Popen(command, cwd=CHECKOUT, stdout=subprocess.PIPE) as process:
         try:
             said = _said(process, seconds, folder)

@@ -1,6 +1,6 @@
 """One process that fuzzes one target: guided by coverage where atheris is installed.
 
-    python -m campaign.fuzz_worker TARGET SECONDS SEED FOLDER [RUNS]
+    python -m campaign.fuzz_worker TARGET SECONDS SEED FOLDER [RUNS|random]
 
 SECONDS count from its start, but it asks at least once after it has warmed up. It keeps what it
 finds in FOLDER, and says on standard output in one line of JSON what it did. What it is asking at
@@ -149,7 +149,7 @@ def main() -> None:
         arguments = tries, target, ends, int(seed)
         if guide is not None:
             _guided(guide, *arguments, kept, partial(_end, said, target, name, tries, scratch))
-        _at_random(*arguments, int(runs[0]) if runs else None)
+        _at_random(*arguments, int(runs[0]) if runs and runs[0] != "random" else None)
         _say(said, name, tries, "random")
         target.close()
     os._exit(0)  # threads of servers do not hold us up
