@@ -27,7 +27,7 @@ _COMMANDS = (
     "align IT OURS -o OUT",
     "merge OURS IT -o OUT",
     "merge IT OURS --initial 0,0,0 -o OUT",
-    "map recording --onto IT -o OUT",
+    "map recording --onto IT --same-place -o OUT",
     "changes IT",
     "changes IT --since 7d --json",
     "changes IT --picture out.svg",
