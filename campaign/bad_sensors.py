@@ -261,7 +261,7 @@ def _constant(below: int) -> Callable[[Pixels], Pixels]:
 
 
 def _noise(depth: Pixels) -> Pixels:
-    return np.random.default_rng(1).integers(2000, 40_000, depth.shape).astype(np.uint16)
+    return np.random.default_rng(1).integers(2000, 40_000, depth.shape).astype(depth.dtype)
 
 
 def _same(change: Callable[[list[str]], list[str]], row: int | None = None) -> Any:
