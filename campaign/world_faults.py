@@ -45,7 +45,7 @@ def run(budget: Budget) -> Result:
         found.try_faults([number])
     faults = found.runs
     while found.runs < faults + _SHORT if budget.short else not of_faults.is_over:
-        found.try_faults(rng.choice(len(SENSORS), int(rng.integers(2, 5))).tolist())
+        found.try_faults(rng.choice(len(SENSORS), int(rng.integers(2, 5)), replace=False).tolist())
     shutil.rmtree(good)
     figures: dict[str, float | str] = {"faults": faults, "mixtures": found.runs - faults}
     left_out = []

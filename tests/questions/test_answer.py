@@ -440,3 +440,10 @@ def test_a_question_that_is_too_long_is_not_looked_at(monkeypatch: pytest.Monkey
     monkeypatch.setattr(asking, "without_as_of", lambda *_: pytest.fail("it is read"))
     with pytest.raises(NotUnderstood, match="at most 500 characters, not 1000002"):
         answer_to(Hypermap([]), "what is at " + "1,2 " * 249_997 + "now")
+
+
+def test_an_area_may_reach_as_far_as_numbers_do(flat: Hypermap) -> None:
+    area = Reference(area="POLYGON((2.5 0, 1e308 0, 1e308 3, 2.5 3, 2.5 0))")
+    found = ask(flat, Query(where=(Condition("at", area),))).objects
+    names = sorted(each.object.name for each in found if each.layer == "semantic")
+    assert names == ["chair", "couch", "cup", "mug", "table"]

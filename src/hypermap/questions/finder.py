@@ -18,6 +18,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, Hypermap, Matches
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.shapes import as_area
 from hypermap.questions.query import Condition, Reference
 from hypermap.questions.relations import Sides, Stacks, any_pair, are_between, are_near
 from hypermap.questions.taxonomy import Taxonomy
@@ -310,7 +311,7 @@ class Finder:
             outlines = [room.outline for room in self._rooms_called(reference.rooms)]
             return Matches.of_shapes(as_objects(outlines))
         if reference.area is not None:
-            return Matches.of_shapes(as_objects([shapely.from_wkt(reference.area)]))
+            return Matches.of_shapes(as_objects([as_area(shapely.from_wkt(reference.area))]))
         if reference.point_xy is not None:
             return Matches.of_shapes(as_objects([shapely.Point(reference.point_xy)]))
         pose = self._asker_pose()
