@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from hypermap.experiments.drives import SimulatedDrive, map_drive
 from hypermap.experiments.installed_methods import InstalledMethod, installed_names
 from hypermap.experiments.methods import chosen_methods, named_method, settings_of
 from hypermap.mapping.config import MappingConfig, profile
+from hypermap.mapping.stages import KeyframeConfig
 from hypermap.simulation import errors_of_level
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, World, WorldObject
@@ -52,6 +54,21 @@ def nothing(occupancy):
 class Names(Boxes):
     def objects(self):
         return list(self.named)
+
+
+class Fails(Boxes):
+    def add(self, frame):
+        raise OwnError("frame", "bad")
+
+
+class OwnError(Exception):  # which no other process can read
+    def __init__(self, what, why):
+        super().__init__(f"{why} {what}")
+
+
+class Empty(Boxes):
+    def objects(self):
+        return None
 '''
 POINTS = """[hypermap.methods]
 boxes = box_mapper:Boxes
@@ -61,6 +78,8 @@ broken = box_mapper:broken
 nothing = box_mapper:nothing
 gone = box_mapper:Gone
 names = box_mapper:Names
+fails = box_mapper:Fails
+empty = box_mapper:Empty
 """
 
 
@@ -101,7 +120,9 @@ def test_a_file_is_a_method_with_its_name_and_what_differs(tmp_path: Path) -> No
 
 @pytest.mark.usefixtures("installed")
 def test_a_package_brings_code_or_a_configuration() -> None:
-    assert installed_names() == ["boxes", "broken", "gone", "names", "nothing", "number", "slow"]
+    assert installed_names() == [
+        *("boxes", "broken", "empty", "fails", "gone", "names", "nothing", "number", "slow")
+    ]
     methods = chosen_methods("default", ["boxes", "slow"])
     assert methods["slow"] == profile("thesis")
     boxes = methods["boxes"]
@@ -122,7 +143,7 @@ def test_the_help_lists_what_is_installed(installed: Path) -> None:
         check=True,
         env={"PYTHONPATH": str(installed), "COLUMNS": "100"},
     )
-    assert "Installed methods: boxes, broken, gone, names, nothing, number, slow." in done.stdout
+    assert "Installed methods: boxes, broken, empty, fails, gone, names, nothing," in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -146,16 +167,36 @@ def test_what_is_no_method_is_said(word: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("word", "message"),
     [
-        ("broken", "method 'broken' (box_mapper:broken): cannot start: RuntimeError: no wheels"),
-        ("nothing", "method 'nothing' (box_mapper:nothing): its NoneType has no method add()"),
-        ("names", "method 'names': objects() must give SemanticObjects, gave str"),
+        ("broken", "broken): cannot start on world test, seed 3: RuntimeError: no wheels (line 2"),
+        ("nothing", "nothing): its NoneType has no method add()"),
+        ("fails", "Fails): add() failed at 0 s on world test, seed 3: OwnError: bad frame (line"),
+        ("empty", "Empty): objects() failed on world test, seed 3: TypeError: 'NoneType' object"),
+        ("names", "Names): objects() must give SemanticObjects, gave str"),
     ],
 )
 @pytest.mark.usefixtures("installed")
 def test_a_method_that_does_not_work_is_named(word: str, message: str) -> None:
     with pytest.raises(HypermapError) as error:
         map_drive(drive(), dict([named_method(word)]))
-    assert str(error.value) == message
+    assert str(error.value).startswith(f"method '{word}' (box_mapper:{message}")
+
+
+def test_of_two_packages_with_a_method_of_one_name_none_is_taken(installed: Path) -> None:
+    other = installed / "other-1.0.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
+    (other / "entry_points.txt").write_text("[hypermap.methods]\nboxes = other:Boxes\n")
+    with pytest.raises(HypermapError, match=r"other:Boxes.* have the same name; uninstall one"):
+        named_method("boxes")
+
+
+def test_what_a_method_maps_does_not_depend_on_other_methods() -> None:
+    other = profile("default")
+    sparse = replace(other, keyframes=KeyframeConfig(min_distance=9.0))
+    mapped = map_drive(drive(), {"other": other, "sparse": sparse})
+    alone = map_drive(drive(), {"sparse": sparse})
+    assert mapped.poses["sparse"] == alone.poses["sparse"]
+    assert [mapped.poses[name][0].poses for name in ("other", "sparse")] == [2, 1]
 
 
 @pytest.mark.parametrize(
@@ -189,5 +230,6 @@ def test_a_file_that_is_no_method_is_an_error_that_names_it(
 def test_two_methods_have_two_names(tmp_path: Path) -> None:
     file = tmp_path / "default.yaml"
     file.write_text("")
-    with pytest.raises(HypermapError, match="there is a method 'default' already; rename it"):
-        chosen_methods("all", [str(file)])
+    for words in ("all", "best"):  # nor is one taken for ours
+        with pytest.raises(HypermapError, match="a method 'default' already; rename it"):
+            chosen_methods(words, [str(file)])

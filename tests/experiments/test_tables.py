@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -45,7 +46,7 @@ def test_csv_has_all_digits_and_three_columns_for_an_interval() -> None:
 
 def test_latex_escapes_names_and_writes_minus_signs() -> None:
     lines = latex_of(TABLE).splitlines()
-    assert r"\caption{R\&D\_lab: 50 \% of <all>}" in lines
+    assert r"\caption{R\&D\_lab: 50 \% of \textless{}all\textgreater{}}" in lines
     assert r"\begin{tabular}{lrrr}" in lines
     assert r"best \& worst & 0.33 & $-$0.13 ($-$0.20 to +0.05) & 4e-05 \\" in lines
     assert r"\textbf{default} & \textbf{0.90} & \textbf{--} & \textbf{--} \\" in lines
@@ -71,7 +72,24 @@ def test_each_table_is_saved_as_csv_and_latex(tmp_path: Path) -> None:
     assert (folder / "lab-methods.tex").read_text() == latex_of(TABLE)
 
 
-@pytest.mark.parametrize("sign", ["\\", "~", "^", "{", "#", "$"])
+def test_no_name_is_an_argument_of_a_command_in_latex() -> None:
+    lines = latex_of(Table("t", "t", (Column("c"),), (("[x]",), ("*",)))).splitlines()
+    assert [line for line in lines if line.endswith(r"\\")] == [
+        r"c \\",
+        r"{[}x] \\",
+        r"{*} \\",
+    ]
+
+
+def test_tables_of_any_name_are_saved_each_as_its_own(tmp_path: Path) -> None:
+    names = ("a/b: 1%", "a b 1", "../x\udcff", "A-b-1")
+    save_tables([replace(TABLE, name=name) for name in names], tmp_path / "tables")
+    files = sorted(file.name for file in tmp_path.rglob("*.tex"))
+    assert files == ["..-x.tex", "A-b-1-3.tex", "a-b-1-2.tex", "a-b-1.tex"]
+    assert r"\label{tab:a-b-1-2}" in (tmp_path / "tables" / "a-b-1-2.tex").read_text()
+
+
+@pytest.mark.parametrize("sign", ["\\", "~", "^", "{", "#", "$", "<", "|", "\n\n"])
 def test_no_sign_means_anything_in_latex(sign: str) -> None:
     table = Table("t", f"a{sign}b", (Column("c"),), ())
     (caption,) = (line for line in latex_of(table).splitlines() if "caption" in line)

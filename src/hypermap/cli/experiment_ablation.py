@@ -31,10 +31,10 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     results = plan.map(parts)
     tables = tables_of(results)
     data = {"method": name, **to_data(results), "command": plan.command, "made_with": made}
-    write_report(tables, output, name, plan.command)
-    save_tables(tables, tables_folder(output))
     figures = output.with_suffix(".json")
-    write_file(figures, json.dumps(data, indent=1).encode())
+    write_file(figures, json.dumps(data, indent=1).encode())  # first, as it has everything
+    save_tables(tables, tables_folder(output))
+    write_report(tables, output, name, plan.command)
     if as_json:
         say_json(data)
         return

@@ -100,13 +100,16 @@ class Plan:
         """The worlds; those for the network have its names.
 
         Raises:
-            HypermapError: If there is no such world, or two have the same name.
+            HypermapError: If there is no such world, one has no objects, or two have the same name.
         """
         from hypermap.experiments.sets import worlds_named
         from hypermap.simulation.network import named_for_network
 
         words = worlds_named(self.worlds)
         described = [world_of(word) for word in words]
+        for world, word in zip(described, words, strict=True):
+            if not world.objects:
+                raise HypermapError(f"--worlds: {word} has no objects, so there is nothing to map")
         if self.network:
             described = [named_for_network(world) for world in described]
         _check_names([world.name for world in described], words)
@@ -115,8 +118,8 @@ class Plan:
     @property
     def command(self) -> str:
         """The command that repeats the experiment."""
-        options = f"--worlds {self.worlds} --seeds {self.seeds}"
-        options += f" --first-seed {self.seed_range.start} --errors {self.level}"
+        options = f"--worlds {shlex.quote(self.worlds)} --seeds {self.seeds}"
+        options += f" --first-seed {self.seed_range.start} --errors {shlex.quote(self.level)}"
         if self.sensor != "kinect_v1":
             options += f" --sensor {self.sensor}"
         if self.network:

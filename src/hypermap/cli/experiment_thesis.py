@@ -29,11 +29,11 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     check_outputs(output, replace)
     results = plan.map(methods)
     data = {**to_data(results), "command": plan.command, "made_with": made}
-    write_report(results, data, output, plan.command)
+    figures = output.with_suffix(".json")
+    write_file(figures, json.dumps(data, indent=1).encode())  # first, as it has everything
     tables = [table for world in data["worlds"] for table in tables_of(world)]
     save_tables(tables, tables_folder(output))
-    figures = output.with_suffix(".json")
-    write_file(figures, json.dumps(data, indent=1).encode())
+    write_report(results, data, output, plan.command)
     if as_json:
         say_json(data)
         return

@@ -17,8 +17,10 @@ from hypermap.mapping.config import MappingConfig
 WHOLE = "nothing"
 """What is left out of the whole configuration."""
 
-ENOUGH = 5
-"""Drives from which on a bootstrap interval means something; of two it is these two."""
+ENOUGH = 10
+"""Drives from which on an interval of 95 % holds the mean in more than 90 of 100 cases.
+
+Of five drives it does in 85, of three in 75 (errors of normal distribution)."""
 
 
 @dataclass(frozen=True)
@@ -153,15 +155,15 @@ def _change(without: Sequence[float | None], whole: Sequence[float | None]) -> E
 
 def tables_of(results: Sequence[WorldResult]) -> list[Table]:
     """Return two tables for each world, and two for all together if there are several."""
-    scopes = [(result.world.name, [result]) for result in results]
+    names = [result.world.name for result in results]
+    scopes = [(name, name, [result]) for name, result in zip(names, results, strict=True)]
     if len(results) > 1:
-        scopes.append(("all", list(results)))
-    return [table for name, some in scopes for table in _tables(name, some)]
+        scopes.append(("all", "all worlds", list(results)))
+    return [table for scope in scopes for table in _tables(*scope)]
 
 
-def _tables(name: str, results: Sequence[WorldResult]) -> tuple[Table, Table]:
+def _tables(name: str, where: str, results: Sequence[WorldResult]) -> tuple[Table, Table]:
     rows, drives = rows_of(results), sum(len(result.mapped) for result in results)
-    where = "all worlds" if name == "all" else name
     doubt = (
         f"; {drives} drives are few, so that intervals are too narrow" if drives < ENOUGH else ""
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.pose_errors import PoseErrors, pose_errors
-from hypermap.experiments.installed_methods import checked_objects
 from hypermap.experiments.methods import Method
 from hypermap.experiments.parallel import in_processes
 from hypermap.mapping.alignment import Aligner
@@ -20,7 +20,7 @@ from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.keyframes import KeyframeSelector
-from hypermap.mapping.stages import AlignmentConfig
+from hypermap.mapping.stages import AlignmentConfig, KeyframeConfig
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
@@ -90,16 +90,16 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, Method]) -> Mapped:
     runs = {
         name: _ConfiguredRun(method, occupancy, looks)
         if isinstance(method, MappingConfig)
-        else method.start(occupancy)
+        else method.start(occupancy, f"world {drive.world.name}, seed {drive.seed}")
         for name, method in methods.items()
     }
     for frame in recording.frames():
         looks.turn_to(frame)
         for run in runs.values():
             run.add(frame)
-    objects = {name: checked_objects(name, run.objects()) for name, run in runs.items()}
+    objects = {name: tuple(run.objects()) for name, run in runs.items()}
     poses = {
-        name: looks.pose_errors(method.alignment)
+        name: looks.pose_errors(method)
         for name, method in methods.items()
         if isinstance(method, MappingConfig)
     }
@@ -116,6 +116,10 @@ class _PoseOfFrame:
     true: NDArray[np.float64]
 
 
+_Way: TypeAlias = tuple[KeyframeConfig, AlignmentConfig]
+"""How poses are corrected: an `Aligner` learns from the frames before, which keyframes choose."""
+
+
 class _Looks:
     """What configurations have in common on one frame: its corrected pose and what it shows."""
 
@@ -123,10 +127,10 @@ class _Looks:
         self._occupancy = occupancy
         self._true_poses = true_poses
         self._count = 0
-        self._poses: dict[AlignmentConfig, list[_PoseOfFrame]] = {}
-        self._aligners: dict[AlignmentConfig, Aligner] = {}
-        self._frames: dict[AlignmentConfig, RgbdFrame] = {}
-        self._seen: dict[tuple[AlignmentConfig, PerceptionConfig], Observation] = {}
+        self._poses: dict[_Way, list[_PoseOfFrame]] = {}
+        self._aligners: dict[_Way, Aligner] = {}
+        self._frames: dict[_Way, RgbdFrame] = {}
+        self._seen: dict[tuple[_Way, PerceptionConfig], Observation] = {}
 
     def turn_to(self, frame: RgbdFrame) -> None:
         """Forget the frame before."""
@@ -137,33 +141,37 @@ class _Looks:
 
     def observation(self, config: MappingConfig) -> Observation:
         """Return what the frame shows, from the pose that a configuration takes it from."""
-        way = config.alignment, config.perception
-        if way not in self._seen:
-            frame = self._aligned(config.alignment)
+        look = _way(config), config.perception
+        if look not in self._seen:
+            frame = self._aligned(_way(config))
             detections = frame.detections
             nothing = Detections.of([], [], [])
             found = nothing if detections is None else detections
-            self._seen[way] = observe(frame, found, config.perception)
-        return self._seen[way]
+            self._seen[look] = observe(frame, found, config.perception)
+        return self._seen[look]
 
-    def _aligned(self, config: AlignmentConfig) -> RgbdFrame:
-        if config not in self._aligners:
-            self._aligners[config] = Aligner(self._occupancy, config)
-        if config not in self._frames:
-            frame = self._frames[config] = self._aligners[config].align(self._frame)
+    def _aligned(self, way: _Way) -> RgbdFrame:
+        if way not in self._aligners:
+            self._aligners[way] = Aligner(self._occupancy, way[1])
+        if way not in self._frames:
+            frame = self._frames[way] = self._aligners[way].align(self._frame)
             given, true = self._frame.map_T_camera, self._true_poses[self._count - 1]
             pose = _PoseOfFrame(frame.stamp, given, frame.map_T_camera, true)
-            self._poses.setdefault(config, []).append(pose)
-        return self._frames[config]
+            self._poses.setdefault(way, []).append(pose)
+        return self._frames[way]
 
-    def pose_errors(self, config: AlignmentConfig) -> tuple[PoseErrors, PoseErrors]:
+    def pose_errors(self, config: MappingConfig) -> tuple[PoseErrors, PoseErrors]:
         """Return the errors of the poses that were given, and of those that were mapped from."""
-        poses = self._poses.get(config, [])
+        poses = self._poses.get(_way(config), [])
         stamps, true = [pose.stamp for pose in poses], [pose.true for pose in poses]
         return (
             pose_errors(stamps, [pose.given for pose in poses], true),
             pose_errors(stamps, [pose.used for pose in poses], true),
         )
+
+
+def _way(config: MappingConfig) -> _Way:
+    return config.keyframes, config.alignment
 
 
 class _ConfiguredRun:

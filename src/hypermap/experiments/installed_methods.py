@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol, TypeAlias
@@ -46,61 +48,85 @@ class InstalledMethod:
     source: str
     version: str
 
-    def start(self, occupancy: OccupancyLayer) -> MappingRun:
+    def start(self, occupancy: OccupancyLayer, drive: str) -> MappingRun:
         """Return a new run.
 
+        Whatever goes wrong in the package is a HypermapError that names the method and the drive,
+        so that it can travel from one process to another.
+
+        Args:
+            occupancy: the map of the drive, which is read-only.
+            drive: what errors call it.
+
         Raises:
-            HypermapError: If the package fails to; names the method.
+            HypermapError: If the package fails to.
         """
-        starts_run: StartsRun = _loaded(_installed()[self.name])
-        try:
+        starts_run: StartsRun = _loaded(_found(self.name))
+        with _named(self, "cannot start", drive):
             run = starts_run(occupancy)
-        except (HypermapError, MemoryError):
-            raise
-        except Exception as error:
-            raise _cannot(self.name, self.source, f"cannot start: {_words(error)}") from error
         for needed in ("add", "objects"):
             if not callable(getattr(run, needed, None)):
                 missing = f"its {type(run).__name__} has no method {needed}()"
                 raise _cannot(self.name, self.source, missing)
-        return run
+        return _NamedRun(self, run, drive)
 
 
-def checked_objects(name: str, objects: Iterable[object]) -> tuple[SemanticObject, ...]:
-    """Return the objects of a method's map.
+@contextmanager
+def _named(method: InstalledMethod, what: str, drive: str) -> Iterator[None]:
+    """Turn what a package raises into a HypermapError."""
+    try:
+        yield
+    except (HypermapError, MemoryError):
+        raise
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        why = f"{what} on {drive}: {_words(error)} (line {last.lineno} of {last.filename})"
+        raise _cannot(method.name, method.source, why) from error
 
-    Raises:
-        HypermapError: If one is something else; names the method.
+
+@dataclass(frozen=True)
+class _NamedRun:
+    """A run whose errors name the method.
+
+    Attributes:
+        method: the method.
+        run: the package's.
+        drive: what errors call it.
     """
-    found = []
-    for one in objects:
-        if not isinstance(one, SemanticObject):
-            kind = type(one).__name__
-            raise HypermapError(
-                f"method {name!r}: objects() must give SemanticObjects, gave {kind}"
-            )
-        found.append(one)
-    return tuple(found)
+
+    method: InstalledMethod
+    run: MappingRun
+    drive: str
+
+    def add(self, frame: RgbdFrame) -> None:
+        """Map the next frame."""
+        with _named(self.method, f"add() failed at {frame.stamp:g} s", self.drive):
+            self.run.add(frame)
+
+    def objects(self) -> Sequence[SemanticObject]:
+        """Return the objects of the map so far."""
+        with _named(self.method, "objects() failed", self.drive):
+            found: list[object] = list(self.run.objects())
+        for one in found:
+            if not isinstance(one, SemanticObject):
+                why = f"objects() must give SemanticObjects, gave {type(one).__name__}"
+                raise _cannot(self.method.name, self.method.source, why)
+        return [one for one in found if isinstance(one, SemanticObject)]
 
 
 def installed_names() -> list[str]:
     """Return the names of all methods that are installed, in alphabetical order."""
-    return sorted(_installed())
+    return sorted({entry.name for entry in _installed()})
 
 
 def installed_method(name: str) -> MappingConfig | InstalledMethod:
     """Return a method that is installed: its configuration, or its code.
 
     Raises:
-        HypermapError: If there is none of that name, it cannot be loaded, or it is neither.
+        HypermapError: If there is none of that name, or several, it cannot be loaded, or it is
+            neither.
     """
-    known = _installed()
-    if name not in known:
-        raise HypermapError(
-            f"--method {name}: no such method is installed; {did_you_mean(name, known)}; "
-            "a configuration is a file, NAME.yaml"
-        )
-    entry = known[name]
+    entry = _found(name)
     loaded = _loaded(entry)
     if isinstance(loaded, MappingConfig):
         return loaded
@@ -115,8 +141,22 @@ def installed_method(name: str) -> MappingConfig | InstalledMethod:
     )
 
 
-def _installed() -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
+def _installed() -> Sequence[EntryPoint]:
+    return tuple(entry_points(group=ENTRY_POINT_GROUP))
+
+
+def _found(name: str) -> EntryPoint:
+    found = [entry for entry in _installed() if entry.name == name]
+    if not found:
+        hint = did_you_mean(name, installed_names())
+        raise HypermapError(
+            f"--method {name}: no such method is installed; {hint}; "
+            "a configuration is a file, NAME.yaml"
+        )
+    if len(found) > 1:
+        sources = " and ".join(entry.value for entry in found)
+        raise HypermapError(f"--method {name}: {sources} have the same name; uninstall one of them")
+    return found[0]
 
 
 def _loaded(entry: EntryPoint) -> Any:

@@ -85,7 +85,7 @@ def chosen_methods(words: str, added: Sequence[str] = ()) -> dict[str, Method]:
     chosen: dict[str, Method] = {**_built_in(words)}
     for word in added:
         name, method = named_method(word)
-        if name in chosen:
+        if name in chosen or name in methods():
             raise HypermapError(f"--method {word}: there is a method {name!r} already; rename it")
         chosen[name] = method
     return chosen

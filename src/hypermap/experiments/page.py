@@ -44,7 +44,7 @@ def page_of(title: str, parts: Iterable[str]) -> bytes:
         "<!doctype html><html lang=en><meta charset=utf-8>"
         f"<title>Hypermap: {html.escape(title)}</title><style>{_STYLE}</style>"
         f"<body>{''.join(parts)}</body></html>"
-    ).encode()
+    ).encode(errors="backslashreplace")  # names of files need not be valid Unicode
 
 
 def wide(content: str) -> str:

@@ -26,7 +26,7 @@ def changes_plot(table: Table, titles: Sequence[str]) -> Figure:
         table: the rows of its columns are intervals.
         titles: of the columns, for which higher is better.
     """
-    names = [str(row[0]) for row in table.rows]
+    names = [_plain(str(row[0])) for row in table.rows]
     size = (3.0 * len(titles) + 2.2, 0.28 * len(names) + 0.9)
     figure = Figure(figsize=size, layout="constrained")
     panels = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
@@ -64,7 +64,7 @@ def groups_plot(world: Data) -> Figure:
         axes.bar(places, counts / counts.max(), width=0.8, color="#eceff3", zorder=0)
         for method, style in _styles(world).items():
             groups = world["methods"][method]["groups"][name]
-            axes.plot(places, [group["recall"] for group in groups], label=method, **style)
+            axes.plot(places, [group["recall"] for group in groups], label=_plain(method), **style)
         words = [f"{group['words']}\n({group['objects']})" for group in first]
         axes.set_xticks(places, words, fontsize=7.5)
         axes.set_xlabel(f"{kind.title.replace('m^2', 'm²')}, with the number of objects")
@@ -83,13 +83,13 @@ def curves_plot(world: Data, limits: Sequence[float]) -> Figure:
         figures = world["methods"][method]
         if figures["localization"] is not None:
             plain = {key: value for key, value in style.items() if key != "marker"}
-            near.plot(limits, figures["localization"], label=method, **plain)
+            near.plot(limits, figures["localization"], label=_plain(method), **plain)
         precision = {
             float(at): value
             for at, value in figures["average_precision"].items()
             if value is not None
         }
-        precise.plot(list(precision), list(precision.values()), label=method, **style)
+        precise.plot(list(precision), list(precision.values()), label=_plain(method), **style)
     near.set_xlabel("distance between the centroids, up to [m]")
     near.set_ylabel("share of the true objects")
     near.set_xlim(0, limits[-1])
@@ -125,7 +125,7 @@ def reliability_plot(method: Data) -> Figure:
 
 def confusion_plot(method: Data) -> Figure:
     """Return the confusion matrix; colors are shares of a row."""
-    classes = method["confusion"]["classes"]
+    classes = [_plain(name) for name in method["confusion"]["classes"]]
     counts = np.array(method["confusion"]["counts"])
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     side = 0.42 * len(counts) + 1.6
@@ -154,6 +154,11 @@ def _styles(world: Data) -> dict[str, dict[str, object]]:
     if OURS in world["methods"]:
         styles[OURS] = {"color": _OURS, "linewidth": 2.6, "marker": "o", "markersize": 4.5}
     return styles
+
+
+def _plain(name: str) -> str:
+    """Return a name as matplotlib shows it as it is: no formula, and not hidden in a legend."""
+    return (" " if name.startswith("_") else "") + name.replace("$", r"\$")
 
 
 def _tidy(axes: Axes) -> None:

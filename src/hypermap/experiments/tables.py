@@ -8,6 +8,7 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -55,7 +56,7 @@ class Table:
     """A table.
 
     Attributes:
-        name: of its files, without a suffix; also its label in LaTeX.
+        name: of its files, without a suffix, and its label in LaTeX, once `slug` has made it one.
         caption: what it shows.
         columns: the first is that of the names of the rows.
         rows: a cell for each column; None where a figure is not defined.
@@ -160,7 +161,7 @@ def latex_of(table: Table) -> str:
         r"\begin{table}",
         r"\centering",
         rf"\caption{{{_escaped(table.caption)}}}",
-        rf"\label{{tab:{table.name}}}",
+        rf"\label{{tab:{slug(table.name)}}}",
         rf"\begin{{tabular}}{{l{'r' * (len(table.columns) - 1)}}}",
         r"\toprule",
         rf"{head} \\",
@@ -179,6 +180,11 @@ _LATEX = {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    "[": "{[}",  # or it would be an argument of the command before it
+    "*": "{*}",
     **{sign: f"\\{sign}" for sign in "&%$#_{}"},
 }
 
@@ -186,13 +192,35 @@ _LATEX = {
 def _escaped(text: str) -> str:
     if text == NOT_DEFINED:
         return "--"
-    escaped = "".join(_LATEX.get(sign, sign) for sign in text)
+    escaped = "".join(_LATEX.get(sign, sign) for sign in " ".join(text.split()))
     return re.sub(r"(?<![\w.-])-(?=\d)", "$-$", escaped)  # minus signs
 
 
 def save_tables(tables: Sequence[Table], folder: Path) -> None:
-    """Write each table as CSV and as LaTeX into a folder, which may exist."""
+    """Write each table as CSV and as LaTeX into a folder, which may exist.
+
+    Of tables with the same name, the second one gets a 2, and so on.
+    """
     folder.mkdir(exist_ok=True)
+    taken: set[str] = set()
     for table in tables:
-        write_file(folder / f"{table.name}.csv", csv_of(table).encode())
-        write_file(folder / f"{table.name}.tex", latex_of(table).encode())
+        names = (slug(table.name) + (f"-{k}" if k > 1 else "") for k in count(1))
+        name = next(name for name in names if name.casefold() not in taken)
+        taken.add(name.casefold())
+        named = replace(table, name=name)
+        write_file(folder / f"{name}.csv", _encoded(csv_of(named)))
+        write_file(folder / f"{name}.tex", _encoded(latex_of(named)))
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode(errors="backslashreplace")  # names of files need not be valid Unicode
+
+
+def slug(name: str) -> str:
+    """Return a name that is good for a file.
+
+    >>> slug("best shape, overlap")
+    'best-shape-overlap'
+    """
+    letters = (sign if sign.isalnum() or sign in "_." else " " for sign in name)
+    return "-".join("".join(letters).split())

@@ -216,7 +216,7 @@ def confusion_table(world: Data, name: str) -> Table:
     confusion = world["methods"][name]["confusion"]
     classes = confusion["classes"]
     return Table(
-        f"{world['world']}-confusion-{slug(name)}",
+        f"{world['world']}-confusion-{name}",
         f"{world['world']}, {name}: true classes (rows) and mapped classes (columns) of objects in "
         "one place (IoU of 0.25), over all drives",
         (Column("true"), *(Column(class_) for class_ in classes), Column(NOT_MAPPED)),
@@ -231,7 +231,7 @@ def reliability_table(world: Data, name: str) -> Table:
     """Return how often the objects of a method are true, by how sure its maps are of them."""
     bins = world["methods"][name]["reliability"]
     return Table(
-        f"{world['world']}-reliability-{slug(name)}",
+        f"{world['world']}-reliability-{name}",
         f"{world['world']}, {name}: how often objects are true (IoU of 0.25), by their confidence",
         (Column("confidence"), Column("objects"), Column("mean"), Column("true", style="bar")),
         tuple(
@@ -239,13 +239,3 @@ def reliability_table(world: Data, name: str) -> Table:
             for b in bins
         ),
     )
-
-
-def slug(name: str) -> str:
-    """Return a name that is good for a file.
-
-    >>> slug("best shape, overlap")
-    'best-shape-overlap'
-    """
-    letters = (sign if sign.isalnum() or sign in "_." else " " for sign in name)
-    return "-".join("".join(letters).split())
