@@ -176,13 +176,13 @@ def _smoothed(
     )
     ones = np.ones(len(pairs))
     edges = np.arange(len(pairs))
-    steps = sparse.coo_matrix(
+    steps = sparse.coo_array(
         (np.r_[ones, -ones], (np.r_[edges, edges], np.r_[pairs[:, 0], pairs[:, 1]])),
         (len(pairs), count),
     ).tocsr()
-    apart = sparse.kron(steps.T @ steps / _SMOOTH**2, sparse.identity(2))
-    own = sparse.block_diag(list(weights))
-    prior = sparse.identity(2 * count) / _SMALL**2
+    apart = sparse.kron(steps.T @ steps / _SMOOTH**2, sparse.eye_array(2))
+    own = sparse.bsr_array((weights, np.arange(count), np.arange(count + 1)))  # 2 x 2 blocks
+    prior = sparse.eye_array(2 * count) / _SMALL**2
     wanted = np.einsum("nij,nj->ni", weights, targets).ravel()
     return np.asarray(spsolve((apart + own + prior).tocsc(), wanted)).reshape(height, width, 2)
 
