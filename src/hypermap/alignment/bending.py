@@ -128,9 +128,9 @@ def _pass(
     targets, weights = np.zeros((count, 2)), np.zeros((count, 2, 2))
     ticks = np.arange(-reach, reach + step / 2, step)
     tries = np.stack(np.meshgrid(ticks, ticks), axis=2).reshape(-1, 2)
-    moved = _moved(walls, places[0, 0], shifts)
+    moved, tree = _moved(walls, places[0, 0], shifts), KDTree(walls)
     for number, place in enumerate(places.reshape(-1, 2)):
-        near = np.flatnonzero(((walls - place) ** 2).sum(axis=1) <= radius**2)
+        near = np.sort(tree.query_ball_point(place, radius))
         if len(near) < _FEWEST:
             continue
         points = moved[near[:: -(-len(near) // _MOST_POINTS)]]
