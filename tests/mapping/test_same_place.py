@@ -10,9 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
+from scipy.spatial.transform import Rotation
 
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticObject
+from hypermap.core.trajectory import Trajectory
 from hypermap.formats import save_map
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
@@ -119,3 +124,47 @@ def test_a_map_without_walls_cannot_be_compared(caplog):
     mapper.add(drive()[0])
     check.check("tuesday", is_last=True)
     assert "could not check whether tuesday shows the place of the map" in caplog.text
+
+
+def test_outlines_that_cross_themselves_can_be_compared():
+    before = first_day()
+    layer = before.semantic().copy()
+    for corner in (1.0, 1.5):
+        around = [(corner, corner), (corner + 1, corner + 1), (corner + 1, corner)]
+        layer.add(SemanticObject("chair", shapely.Polygon([*around, (corner, corner + 1)])))
+    check = PlaceCheck(before.with_layer(layer), profile("default").occupancy)
+    mapper = Mapper(profile("default"), SOURCE)
+    mapper.place = check
+    for frame in drive()[:8]:
+        mapper.add(frame)
+    assert check.compare().fits
+
+
+def test_another_occupancy_layer_does_not_matter():
+    other = OccupancyLayer("plan", "map")
+    before = first_day().with_layers([*first_day(), other])
+    with pytest.raises(OtherPlace):
+        mapped(NextDay(Pose2D(6.0, 4.0, np.pi)), before)
+
+
+def test_few_frames_tell_nothing(caplog):
+    caplog.set_level(logging.WARNING)
+    mapped(NextDay(Pose2D(6.0, 4.0, np.pi), count=7), first_day())
+    assert "not sure whether" in caplog.text
+
+
+def test_a_drive_whose_poses_were_corrected_is_looked_at_again():
+    later = list(NextDay(Pose2D(6.0, 4.0, np.pi)).frames())
+    mapper = Mapper.onto(first_day(), SOURCE)
+    mapper.place = PlaceCheck(first_day(), mapper.config.occupancy)
+    for frame in later[:10]:
+        mapper.add(frame)
+    assert mapper.place.compare().differs
+    poses = np.array([frame.map_T_camera for frame in drive()[:10]])
+    turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    stamps = np.array([frame.stamp for frame in later[:10]])
+    mapper.correct(Trajectory(stamps, poses[:, :3, 3], turns), is_under_way=True)
+    assert mapper.place.likeness is None
+    for frame, right in zip(later[10:], drive()[10:], strict=True):
+        mapper.add(frame.moved_to(right.map_T_camera))
+    assert mapper.place.compare().fits

@@ -338,6 +338,8 @@ class Mapper:
         self.keyframes.go_on_from(poses[-1])
         self._base = with_moved_samples(self._base, correction.motions(), self.occupancy())
         self._is_corrected = True
+        if self.place is not None:
+            self.place.begin_again()
         return correction
 
     def logged_poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -107,7 +107,7 @@ def map_recording(
         mapper.perceive = ahead.perceive
         ahead.begin(mapper)
     if onto is not None and not same_place:
-        mapper.place = PlaceCheck(onto, mapper.config.occupancy)
+        mapper.place = PlaceCheck(onto, mapper.config.occupancy, mapper.occupancy().name)
     if prepare is not None:
         prepare(mapper)
     preflight = preflight or Preflight(max_depth=config.perception.max_depth)

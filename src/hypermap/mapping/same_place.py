@@ -16,7 +16,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.alignment.grids import Field, Scan, scan_of
-from hypermap.core.arrays import FloatArray, as_objects
+from hypermap.core.arrays import FloatArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
@@ -26,6 +26,7 @@ from hypermap.mapping.stages import OccupancyConfig
 from hypermap.perception.frame import RgbdFrame
 
 _FIRST_LOOK = 16  # frames before the first comparison; each later one is at twice as many
+_FEWEST = 8  # frames that can tell; by two alone, 8 of 143 honest drives through `lab` would differ
 _WALL = 0.08  # [m] up to which walls are the same, beside half a cell of each map
 _NEAR = 0.3  # [m] up to which a sighting is of an object of that name
 _LEAST_WALL, _LEAST_SIGHTINGS = 4.0, 15  # [m] of walls and number of sightings that can tell
@@ -110,15 +111,16 @@ class PlaceCheck:
         likeness: at the last comparison; None before the first.
     """
 
-    def __init__(self, before: Hypermap, config: OccupancyConfig) -> None:
+    def __init__(self, before: Hypermap, config: OccupancyConfig, layer: str = "occupancy") -> None:
         """Prepare it.
 
         Args:
             before: the map before the drive.
             config: how the cells that frames show are found.
+            layer: name of the occupancy layer that is continued; there may be others.
         """
         self.likeness: Likeness | None = None
-        self._before = before
+        self._before, self._layer = before, layer
         self._own = OccupancyMapper(config)
         self._frames, self._next = 0, _FIRST_LOOK
         self._sightings = self._near = 0
@@ -150,7 +152,7 @@ class PlaceCheck:
             drive: its name.
             is_last: whether one comparison suffices, because no other follows.
         """
-        if self.likeness is None or not self.likeness.differs:
+        if self.likeness is None or not self.likeness.differs or self._frames < _FEWEST:
             return ""
         if self._differed < 2 and not is_last:
             return ""
@@ -217,11 +219,18 @@ class PlaceCheck:
         self.likeness = Likeness(wall, share, self._sightings, self._near)
         return self.likeness
 
+    def begin_again(self) -> None:
+        """Forget the drive so far, as after its poses were corrected."""
+        self.likeness = None
+        self._own = OccupancyMapper(self._own.config)
+        self._frames, self._next = 0, _FIRST_LOOK
+        self._sightings = self._near = self._differed = 0
+
     @cached_property
     def _scan(self) -> Scan | None:
         """The map before as points; None if it has no walls, or nothing free."""
         try:
-            return scan_of(self._before)
+            return scan_of(self._before, self._layer)
         except HypermapError:
             return None
 
@@ -231,13 +240,13 @@ class PlaceCheck:
 
     @cached_property
     def _objects(self) -> dict[str, BaseGeometry]:
-        """The shapes of the map's objects, by name."""
+        """The shapes of the map's objects, by name; outlines may cross themselves."""
         shapes: dict[str, list[BaseGeometry]] = {}
         for layer in self._before:
             if isinstance(layer, SemanticLayer) and layer.frame_id == self._before.base_frame:
                 for item in layer.objects():
                     shapes.setdefault(item.name, []).append(item.footprint)
-        return {name: shapely.union_all(as_objects(found)) for name, found in shapes.items()}
+        return {name: shapely.GeometryCollection(found) for name, found in shapes.items()}
 
     def _is_known(self, point: shapely.Point) -> bool:
         assert self._field is not None

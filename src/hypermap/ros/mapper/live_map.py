@@ -292,7 +292,7 @@ class LiveMap:
                 "leave out map_topic"
             )
         self._makes_occupancy = mapper.makes_occupancy
-        mapper.place = PlaceCheck(onto, mapper.config.occupancy)
+        mapper.place = PlaceCheck(onto, mapper.config.occupancy, mapper.occupancy().name)
         return mapper
 
 
