@@ -133,6 +133,16 @@ def test_equal_ids_are_the_same_object_in_a_map_and_its_continuation() -> None:
     assert (moved.confidence, moved.distance) == (1.0, pytest.approx(2))
 
 
+def test_what_mapping_has_found_to_be_moved_is_so_though_its_outline_differs() -> None:
+    before = map_of(dataclasses.replace(thing("lamp", 0, 0), id=4))
+    thin = thing("lamp", 2, 0, shapely.box(0, 0, 0.1, 0.5))
+    moved = dataclasses.replace(thin, id=4, attributes={"moved": {"confidence": 0.7}})
+    change = only(between(before, map_of(moved), same_ids=True))
+    assert (change.kind, change.confidence) == ("moved", 0.7)
+    unsaid = map_of(dataclasses.replace(moved, attributes={}))
+    assert only(between(before, unsaid, same_ids=True)).kind == "reshaped"
+
+
 def test_layers_and_rooms_are_compared_with_their_like() -> None:
     zone = thing("zone", 0, 0, TABLE)
     first = Hypermap([SemanticLayer("semantic", "map", [zone]), SemanticLayer("zones", "map", [])])

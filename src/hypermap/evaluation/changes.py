@@ -30,6 +30,7 @@ from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.closest import centroids
 from hypermap.evaluation.maps import MapObjects
 from hypermap.evaluation.matching import iou_matrix, match_objects
+from hypermap.history.differences import confidence_of_move, is_said_to_have_moved
 from hypermap.history.likeness import (
     FARTHEST,
     MAY_BE,
@@ -163,11 +164,14 @@ class _Pair:
         pairs = [(i, rows[one.id]) for i, one in enumerate(self.before) if one.id in rows]
         for i, j in pairs:
             one, other = self.before[i], self.after[j]
+            is_away = distance_between(one, other) >= self.min_moved
             if one.name != other.name:
                 self._add(RENAMED, one, other)
+            elif is_away and is_said_to_have_moved(one, other):
+                self._add(MOVED, one, other, confidence_of_move(one, other))
             elif likeness(one.footprint, other.footprint) < SAME_SHAPE:
                 self._add(RESHAPED, one, other)
-            elif distance_between(one, other) >= self.min_moved:
+            elif is_away:
                 self._add(MOVED, one, other, 1.0)
             else:
                 self.unchanged.append(one.name)

@@ -96,7 +96,7 @@ def _changed(layer: str, old: SemanticObject, new: SemanticObject, cause: Cause)
     kind = _kind(old, new, distance, cause)
     if kind is None:
         return None
-    confidence = _confidence(old, new) if kind == MOVED else None
+    confidence = confidence_of_move(old, new) if kind == MOVED else None
     return Change(kind, layer, old, new, distance, confidence)
 
 
@@ -105,7 +105,7 @@ def _kind(old: SemanticObject, new: SemanticObject, distance: float, cause: Caus
     if old.name != new.name:
         return RENAMED
     if not shapely.equals_exact(old.footprint, new.footprint, _TOLERANCE):
-        if distance >= MIN_MOVED and _is_said_to_have_moved(old, new):
+        if distance >= MIN_MOVED and is_said_to_have_moved(old, new):
             return MOVED  # mapping has compared the evidence of both places, not one view's shapes
         alike = likeness(old.footprint, new.footprint)
         if alike < (_SAME_WHEN_EDITED if is_edit else SAME_SHAPE):
@@ -121,16 +121,16 @@ def _free(attributes: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in attributes.items() if key not in _MEASURED}
 
 
-def _confidence(old: SemanticObject, new: SemanticObject) -> float:
+def confidence_of_move(old: SemanticObject, new: SemanticObject) -> float:
     """Return how likely it is that an object is the same one, as mapping has found."""
-    if _is_said_to_have_moved(old, new):
+    if is_said_to_have_moved(old, new):
         value = new.attributes[MOVE].get("confidence")
         if isinstance(value, int | float):
             return float(value)
     return 1.0
 
 
-def _is_said_to_have_moved(old: SemanticObject, new: SemanticObject) -> bool:
+def is_said_to_have_moved(old: SemanticObject, new: SemanticObject) -> bool:
     """Return whether mapping has found since that an object was moved."""
     said = new.attributes.get(MOVE)
     return isinstance(said, Mapping) and said != old.attributes.get(MOVE)
