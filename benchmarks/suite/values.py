@@ -20,7 +20,7 @@ from hypermap.core.samples import Samples
 from hypermap.simulation import built_in_world
 from hypermap.values import FieldSettings, LiveField, interpolate, value_layer_of
 from hypermap.values.growing import GrowingLayer
-from hypermap.values.interpolation import Method
+from hypermap.values.methods import Method
 from suite.fields import FIELDS, Field
 from suite.race import Figure, Row, Settings, library
 

@@ -58,8 +58,9 @@ def test_each_part_changes_something_and_parts_that_are_off_are_not_listed() -> 
         "voting: convex hull",
         "rays",
     ]
-    with pytest.raises(HypermapError, match="has no part '' that can be left out"):
-        chosen_parts(whole, "voting,")
+    for words, none in (("voting,", ""), (WHOLE, WHOLE)):
+        with pytest.raises(HypermapError, match=f"has no part '{none}' that can be left out"):
+            chosen_parts(whole, words)
 
 
 def test_changes_are_paired_by_drive() -> None:

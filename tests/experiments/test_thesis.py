@@ -293,6 +293,7 @@ def _command_line(process: str) -> str:
             "--methods: the experiment `ablation` does not have it",
         ),
         (["days", "--network"], "--network: the experiment `days` does not have it"),
+        (["thesis", "--drives", "3"], "--drives: the experiment `thesis` does not have it"),
         (
             ["thesis", "--worlds", "lab,floor,lab"],
             "--worlds: lab and lab have the same name 'lab'; change the key",

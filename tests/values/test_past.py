@@ -80,13 +80,29 @@ def test_a_map_as_it_was_has_the_values_of_then() -> None:
     assert not ask(hypermap, dataclasses.replace(warm, as_of=moment)).cells
 
 
-@pytest.mark.parametrize("kind", ["without stamps", "without samples"])
+def test_values_are_not_made_again_for_questions_about_objects(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delattr("hypermap.values.on_map.made_again")
+    hypermap = with_history(measured([MONDAY, MONDAY + 1, TUESDAY, TUESDAY + 1]))
+    moment = datetime.fromtimestamp(MONDAY + 50_000, timezone.utc)
+    assert ask(hypermap, Query("count", ("cup",), as_of=moment)).count == 1
+    with pytest.raises(ImportError):  # as they would be for this one
+        ask(hypermap, Query("places", measured=Measured("warmth", above=25.0), as_of=moment))
+
+
+@pytest.mark.parametrize(
+    "kind", ["without stamps", "without samples", "by a clock from 0", "by another program"]
+)
 def test_values_that_nobody_can_date_are_those_of_now_and_not_asked_as_of_a_time(
     kind: str,
 ) -> None:
-    layer = measured([np.nan] * 4)
+    layer = measured([3.0, 4.0, 5.0, 6.0] if kind == "by a clock from 0" else [np.nan] * 4)
     if kind == "without samples":
         layer = ValueLayer("warmth", "map", layer.grid, layer.cells, "degC")
+    if kind == "by another program":
+        layer = measured([MONDAY, MONDAY + 1, TUESDAY, TUESDAY + 1])
+        layer.made_by = {"method": "kriging"}
     reason = why_undated(layer)
     assert reason is not None
     hypermap = with_history(layer)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from hypermap.cli.experiment_plan import Plan
+from hypermap.cli.experiment_plan import DRIVES, Plan
 from hypermap.cli.options import AsJson, Force
 from hypermap.cli.simulate import ERRORS, SENSORS, WHAT_ERRS, WHAT_SENSOR
 from hypermap.core.errors import HypermapError, did_you_mean
@@ -88,7 +88,7 @@ def command(
     ] = 10,
     drives: Annotated[
         int, typer.Option(min=2, max=1000, help="Drives in each series, a day apart: for days.")
-    ] = 5,
+    ] = DRIVES,
     first_seed: Annotated[
         int | None,
         typer.Option(

@@ -20,11 +20,15 @@ if TYPE_CHECKING:
     from hypermap.simulation import Errors, World
 
 
+DRIVES = 5
+"""In a series, unless the user says otherwise."""
+
 _HAVE = {
     "--methods": ("thesis",),
     "--method": ("thesis", "ablation"),
     "--parts": ("ablation",),
     "--network": ("thesis", "ablation"),
+    "--drives": ("days",),
 }
 """Which experiments have an option that not all have."""
 
@@ -70,6 +74,7 @@ class Plan:
             "--method": bool(self.added),
             "--parts": self.parts != "all",
             "--network": self.network,
+            "--drives": self.drives != DRIVES,
         }
         for option, is_given in given.items():
             if is_given and self.name not in _HAVE[option]:

@@ -12,6 +12,9 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 MAP_ID, MAP_VERSION = "map_id", "map_version"
 """Where a map's metadata hold its id, and a number that counts up with its changes."""
 
+EARLIEST = 1e8
+"""Seconds since 1970; smaller stamps count from the start of something else, such as a program."""
+
 ADDED, GONE, EXPIRED = "added", "gone", "expired"
 MOVED, RESHAPED, RENAMED, EDITED = "moved", "reshaped", "renamed", "edited"
 FIRST_SEEN, NOT_REVISITED = "first seen", "not revisited"

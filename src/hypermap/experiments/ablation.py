@@ -95,11 +95,12 @@ def chosen_parts(whole: MappingConfig, words: str) -> dict[str, MappingConfig]:
     if words == "all":
         return known
     beginnings = tuple(words.split(","))
+    parts = [name for name in known if name != WHOLE]
     for word in beginnings:
-        if not word or not any(name.startswith(word) for name in known):
+        if not word or not any(name.startswith(word) for name in parts):
             raise HypermapError(
                 f"the configuration has no part {word!r} that can be left out; it has: "
-                f"{', '.join(name for name in known if name != WHOLE)}"
+                f"{', '.join(parts)}"
             )
     return {n: c for n, c in known.items() if n == WHOLE or n.startswith(beginnings)}
 

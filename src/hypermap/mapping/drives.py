@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hypermap.core.history import EARLIEST
 from hypermap.perception.frame import RgbdFrame
 
 _EVERY = 8  # every so many rows and columns of a depth image identify it
 _AHEAD = 86_400  # seconds by which another clock may be ahead of ours
-_NO_CLOCK = 1e8  # seconds; smaller stamps do not count from 1970
 
 
 def frame_key(frame: RgbdFrame) -> int:
@@ -54,7 +54,7 @@ class Drive:
     @property
     def time(self) -> float | None:
         """When it ended, seconds since 1970; None if its clock began at 0 or is ahead of ours."""
-        return self.last if self.keys and self.last > _NO_CLOCK and not self.is_ahead else None
+        return self.last if self.keys and self.last > EARLIEST and not self.is_ahead else None
 
     @property
     def is_ahead(self) -> bool:
@@ -64,12 +64,12 @@ class Drive:
     @property
     def has_no_clock(self) -> bool:
         """Whether its stamps count from the start of something, not from 1970."""
-        return bool(self.keys) and self.last <= _NO_CLOCK
+        return bool(self.keys) and self.last <= EARLIEST
 
     def described(self) -> dict[str, Any]:
         """Return its entry in a map's metadata; times are in UTC if the clock is right."""
         facts: dict[str, Any] = {"name": self.name, "frames": len(self.keys)}
-        if self.keys and self.first > _NO_CLOCK:
+        if self.keys and self.first > EARLIEST:
             facts |= {"began": wall_clock(self.first), "ended": wall_clock(self.last)}
         return facts
 

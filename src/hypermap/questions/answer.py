@@ -135,9 +135,18 @@ def ask(
     else:
         if query.measured is not None:
             _check_dated(value_layer_called(hypermap, query.measured.layer))
+        elif query.give != "labels" and not query.layers:
+            hypermap = _without_values(hypermap)  # which take seconds to make again
         hypermap = as_of(hypermap, query.as_of)
     finder = Finder(hypermap, query.exact, asker, taxonomy or load_taxonomy(), robot_radius)
     return _Asking(hypermap, query, finder, encoder).answer()
+
+
+def _without_values(hypermap: Hypermap) -> Hypermap:
+    return hypermap.with_layers(
+        ValueLayer(layer.name, layer.frame_id) if isinstance(layer, ValueLayer) else layer
+        for layer in hypermap
+    )
 
 
 def _check_dated(layer: ValueLayer) -> None:

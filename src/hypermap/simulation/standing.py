@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import as_objects
 from hypermap.simulation.parts import Part
 from hypermap.simulation.scene import placed, projection, wall_parts
 from hypermap.simulation.world import World
@@ -110,7 +110,7 @@ def walls_of(world: World) -> list[Body]:
 def overlaps(world: World) -> list[tuple[int, int]]:
     """Return the pairs of things with intersecting parts."""
     bodies = bodies_of(world)
-    outlines = np.array([body.outline for body in bodies])
+    outlines = as_objects([body.outline for body in bodies])  # of none, too
     left, right = shapely.STRtree(outlines).query(outlines, predicate="intersects")
     pairs = sorted((int(i), int(j)) for i, j in zip(left, right, strict=True) if i < j)
     return [(i, j) for i, j in pairs if bodies[i].hits(bodies[j])]

@@ -6,9 +6,10 @@ from hypermap._lazy import attribute
 
 if TYPE_CHECKING:
     from hypermap.core.samples import Samples
-    from hypermap.values.interpolation import METHODS, Interpolation, Method, interpolate
+    from hypermap.values.interpolation import Interpolation, interpolate
     from hypermap.values.layers import value_layer_of
     from hypermap.values.live_field import LiveField
+    from hypermap.values.methods import METHODS, Method
     from hypermap.values.questions import (
         nearest_where,
         summaries_of,
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "LiveField": "hypermap.values.live_field",
-    "METHODS": "hypermap.values.interpolation",
+    "METHODS": "hypermap.values.methods",
     "FieldSettings": "hypermap.values.random_field",
     "Interpolation": "hypermap.values.interpolation",
-    "Method": "hypermap.values.interpolation",
+    "Method": "hypermap.values.methods",
     "Samples": "hypermap.core.samples",
     "converted": "hypermap.values.units",
     "interpolate": "hypermap.values.interpolation",

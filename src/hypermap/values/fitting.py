@@ -100,7 +100,7 @@ def _with_source(
         found = _likeliest(lattice, heard, found.parameters, bounds, found.away_from_walls, trends)
         unknowns = 0 if source else _UNKNOWNS
         gain = found.posterior.greatest_likelihood() - best.posterior.greatest_likelihood()
-        if gain <= 0.5 * unknowns * math.log(len(heard.values)):  # Schwarz 1978
+        if gain <= 0.5 * unknowns * math.log(heard.count):  # Schwarz 1978
             break
         best, source = found, place
     if source is None:

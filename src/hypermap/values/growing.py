@@ -11,9 +11,10 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.core.value_layer import ValueLayer
 from hypermap.values.fitting import LEAST_SAMPLES
-from hypermap.values.interpolation import Interpolation, Method, interpolate
+from hypermap.values.interpolation import Interpolation, interpolate
 from hypermap.values.layers import layer_of, on_map, unknown_layer_of
 from hypermap.values.live_field import LiveField
+from hypermap.values.methods import Method
 from hypermap.values.on_map import new_among
 from hypermap.values.random_field import FieldSettings
 from hypermap.values.units import is_signal

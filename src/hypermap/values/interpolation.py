@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +21,9 @@ from hypermap.core.samples import Samples
 from hypermap.values.fitting import LEAST_SAMPLES, fit_settings, with_limits
 from hypermap.values.kernel import kernel_estimate
 from hypermap.values.lattice import Lattice, floor_cells, padded_grid
+from hypermap.values.methods import METHODS, Method
 from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior, Trends
 from hypermap.values.source import Source, source_trends
-
-Method = Literal["gmrf", "kernel", "nearest"]
-METHODS: tuple[str, ...] = get_args(Method)
 
 _MARGIN = 2.0  # meters around the samples
 _RESOLUTION = 0.25  # meters; the finest automatic resolution

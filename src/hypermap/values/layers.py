@@ -10,7 +10,8 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.core.value_layer import ValueLayer, decimals_for
-from hypermap.values.interpolation import Interpolation, Method, grid_around, interpolate
+from hypermap.values.interpolation import Interpolation, grid_around, interpolate
+from hypermap.values.methods import Method
 from hypermap.values.random_field import FieldSettings
 from hypermap.values.units import is_signal
 

@@ -13,8 +13,8 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.core.value_layer import ValueLayer
-from hypermap.values.interpolation import METHODS, Method
 from hypermap.values.layers import unknown_layer_of, value_layer_of
+from hypermap.values.methods import METHODS, Method
 from hypermap.values.random_field import FieldSettings
 
 _log = logging.getLogger(__name__)

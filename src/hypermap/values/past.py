@@ -5,18 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from hypermap.core.errors import HypermapError
+from hypermap.core.history import EARLIEST
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.value_layer import ValueLayer
+from hypermap.values.methods import METHODS
 
 
 def why_undated(layer: ValueLayer) -> str | None:
     """Return why the values of a layer are known only as they are now; None if they are not."""
     samples = layer.samples
-    if samples is None or layer.grid is None or "method" not in layer.made_by:
+    if samples is None or layer.grid is None or layer.made_by.get("method") not in METHODS:
         return "it was not made of samples that it keeps"
     if np.isnan(samples.stamps).any():
         return "its samples have no stamps"
+    if (samples.stamps < EARLIEST).any():
+        return "the stamps of its samples do not count from 1970"
     return None
 
 
