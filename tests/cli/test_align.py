@@ -53,7 +53,9 @@ def test_it_saves_the_other_map_with_the_transform(
     assert saved.base_frame == "tuesday"
     assert saved.frames.lookup("map", "tuesday").yaw == pytest.approx(np.pi / 2, abs=0.03)
     assert_one_error(hypermap("align", *days, "-o", out), "exists already")
-    assert hypermap("align", *days, "-o", out, "--force").code == 0
+    before = out.read_bytes()
+    assert "kept as" in hypermap("align", *days, "-o", out, "--force").err
+    assert out.with_name("aligned.hmap.bak").read_bytes() == before
     assert open_map(out).base_frame == "map_2"
 
 

@@ -87,7 +87,7 @@ def command(
     from hypermap.core.errors import HypermapError
     from hypermap.core.history import MAP_ID
     from hypermap.formats import open_map, save_map
-    from hypermap.formats.backup import ALIGNED_TO
+    from hypermap.formats.backup import ALIGNED_TO, keep_backup
     from hypermap.mapping.bent_map import bent_onto
     from hypermap.questions.asking import parse_pose
 
@@ -104,14 +104,19 @@ def command(
     found = align(first, second, initial=about, is_bent=local)
     pose = found.a_T_b
     bend = bend_of(first, second, pose) if local else None
-    if output is not None and bend is not None:
-        save_map(bent_onto(first, second, pose, bend), output)
-    elif output is not None:
-        moved = in_frame_of(first, second, pose, new_frame)
-        if MAP_ID in first.metadata:
-            moved.metadata[ALIGNED_TO] = first.metadata[MAP_ID]
+    backup = None
+    if output is not None:
+        if bend is not None:
+            moved = bent_onto(first, second, pose, bend)
+        else:
+            moved = in_frame_of(first, second, pose, new_frame)
+            if MAP_ID in first.metadata:
+                moved.metadata[ALIGNED_TO] = first.metadata[MAP_ID]
+        backup = keep_backup(output, spare_edited=True)
         save_map(moved, output)
     _tell(found, bend, first.base_frame, as_json)
+    if backup is not None:
+        note(f"the previous map is kept as {backup}")
     if bend is not None:
         note(f"saved {output}")
     elif output is not None:
