@@ -48,7 +48,10 @@ def changes_plot(table: Table, titles: Sequence[str]) -> Figure:
 
 
 def _interval(axes: Axes, y: float, cell: Interval) -> None:
-    color = _LOSS if cell.high < 0 else _GAIN if cell.low > 0 else _UNSURE
+    is_known = cell.low < cell.high  # of one drive, the interval has no width
+    color = _UNSURE
+    if is_known and not cell.low <= 0 <= cell.high:
+        color = _GAIN if cell.low > 0 else _LOSS
     axes.plot([cell.low, cell.high], [y, y], color=color, linewidth=2, solid_capstyle="round")
     axes.plot([cell.mean], [y], "o", color=color, markersize=5)
 
