@@ -22,7 +22,7 @@ from hypermap.formats import save_map
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.recording_to_map import map_recording
-from hypermap.mapping.same_place import OtherPlace, PlaceCheck
+from hypermap.mapping.same_place import Likeness, OtherPlace, PlaceCheck
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import SameRecording
@@ -168,3 +168,10 @@ def test_a_drive_whose_poses_were_corrected_is_looked_at_again():
     for frame, right in zip(later[10:], drive()[10:], strict=True):
         mapper.add(frame.moved_to(right.map_T_camera))
     assert mapper.place.compare().fits
+
+
+def test_maps_that_share_only_a_strip_along_walls_tell_nothing():
+    """All that both know is near walls, so that no more of it can agree than by chance."""
+    found = Likeness(wall=10.0, agree=0.0, telling=0.3, sightings=2, near=2)
+    assert not (found.differs or found.fits)
+    assert dataclasses.replace(found, telling=8.0).differs
