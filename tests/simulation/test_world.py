@@ -17,6 +17,7 @@ from hypermap.simulation.world import (
     Doorway,
     FloorPlan,
     Wall,
+    World,
     WorldObject,
     built_in_world,
     built_in_worlds,
@@ -31,6 +32,12 @@ def load(folder: Path, text: str) -> object:
     path = folder / "w.yaml"
     path.write_text(text, encoding="utf-8")
     return load_world(path)
+
+
+def test_a_world_need_not_have_objects(tmp_path: Path) -> None:
+    world = load(tmp_path, BASE)
+    assert isinstance(world, World)
+    assert world.objects == ()
 
 
 def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
