@@ -91,7 +91,7 @@ def test_tables_are_of_each_world_and_of_all() -> None:
     assert row[4] == Interval(-0.25, -0.5, 0.0)  # recall of four drives, two of them worse
     twice = [table.caption for table in tables_of([result("all"), result("b")])]
     assert (twice[0][:4], twice[-1][:10]) == ("all:", "all worlds")
-    assert "over 4 drives, paired; 4 drives are few" in tables["all-changes"].caption
+    assert "over 4 drives, paired; so few drives" in tables["all-changes"].caption
     data = to_data([result("a"), result("b")])
     assert data["worlds"]["a"]["parts"]["rays"]["changes"]["recall"]["mean"] == -0.25
     assert data["all"]["seeds"] == {"a": [1, 2], "b": [1, 2]}

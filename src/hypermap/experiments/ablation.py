@@ -13,6 +13,7 @@ from hypermap.evaluation.significance import Effect, effect_of
 from hypermap.experiments.results import WorldResult, mean
 from hypermap.experiments.tables import Column, Interval, Table
 from hypermap.mapping.config import MappingConfig
+from hypermap.text import counted
 
 WHOLE = "nothing"
 """What is left out of the whole configuration."""
@@ -164,14 +165,13 @@ def tables_of(results: Sequence[WorldResult]) -> list[Table]:
 
 
 def _tables(name: str, where: str, results: Sequence[WorldResult]) -> tuple[Table, Table]:
-    rows, drives = rows_of(results), sum(len(result.mapped) for result in results)
-    doubt = (
-        f"; {drives} drives are few, so that intervals are too narrow" if drives < ENOUGH else ""
-    )
+    rows, count = rows_of(results), sum(len(result.mapped) for result in results)
+    drives = counted(count, "drive")
+    doubt = "; so few drives give intervals that are too narrow" if count < ENOUGH else ""
     columns = (Column("without"), *(Column(measure.title) for measure in MEASURES.values()))
     means = Table(
         f"{name}-means",
-        f"{where}: means over {drives} drives",
+        f"{where}: means over {drives}",
         columns,
         tuple((row.part, *(row.means[key] for key in MEASURES)) for row in rows),
         (WHOLE,),
@@ -179,7 +179,7 @@ def _tables(name: str, where: str, results: Sequence[WorldResult]) -> tuple[Tabl
     changes = Table(
         f"{name}-changes",
         f"{where}: change of each figure if the part is left out, with its 95 % interval "
-        f"(bootstrap over {drives} drives, paired{doubt})",
+        f"(bootstrap over {drives}, paired{doubt})",
         columns,
         tuple(
             (row.part, *(interval_of(row.changes[key]) for key in MEASURES))

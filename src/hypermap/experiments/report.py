@@ -32,6 +32,7 @@ from hypermap.experiments.thesis_tables import (
 )
 from hypermap.formats.atomic import write_file
 from hypermap.simulation import ground_truth
+from hypermap.text import counted
 from hypermap.viewer.comparison import render_comparison
 
 
@@ -61,8 +62,8 @@ def _world(result: WorldResult, world: Data, limits: Sequence[float]) -> list[st
     shown = [name for name in (OURS, "best shape, overlap") if name in methods]
     return [
         f"<h2>{html.escape(world['world'])}</h2>",
-        f"<p class=note>{world['objects']} true objects, {len(seeds)} drives (seeds {seeds[0]} "
-        f"to {seeds[-1]}) of {world['frames']} frames.</p>",
+        f"<p class=note>{world['objects']} true objects, {counted(len(seeds), 'drive')} (seeds "
+        f"{seeds[0]} to {seeds[-1]}) of {world['frames']} frames.</p>",
         _bound(world),
         wide(html_of(methods_table(world))),
         *[wide(html_of(gains_table(world))) for name in methods if name == OURS],

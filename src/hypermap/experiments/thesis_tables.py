@@ -5,6 +5,7 @@ from __future__ import annotations
 from hypermap.experiments.methods import OURS
 from hypermap.experiments.results import Data
 from hypermap.experiments.tables import Cell, Column, Interval, Table
+from hypermap.text import counted
 
 NOTHING = "(nothing)"
 NOT_MAPPED = "(not mapped)"
@@ -29,8 +30,8 @@ def methods_table(world: Data) -> Table:
     """Return the table of all methods, in the measures of the thesis and ours."""
     return Table(
         f"{world['world']}-methods",
-        f"{world['world']}: {world['objects']} true objects, means over {len(world['seeds'])} "
-        "drives; precision, recall and F1 at an IoU of 0.25",
+        f"{world['world']}: {world['objects']} true objects, means over "
+        f"{counted(len(world['seeds']), 'drive')}; precision, recall and F1 at an IoU of 0.25",
         (
             Column("method"),
             Column("IoU", style="bar"),
