@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import subprocess
+import sys
 
 import pytest
 from hypothesis import given, settings
@@ -43,3 +45,13 @@ def test_the_classes_of_a_room_are_easy_to_tell_apart_and_visible_on_white_and_b
     colors = list(class_colors(ROOM).values())
     for one, other in itertools.combinations([*colors, (1, 1, 1), (0, 0, 0)], 2):
         assert math.dist(one, other) > 0.3
+
+
+def test_the_palette_is_that_of_colorcet_without_importing_it() -> None:
+    code = (
+        "import sys; from hypermap.colors import _palette; colors = _palette(); "
+        "assert not {'colorcet', 'matplotlib'} & set(sys.modules); "
+        "import colorcet; names = colorcet.b_glasbey_bw_minc_20_maxl_70; "
+        "assert ['#' + bytes(round(255 * c) for c in color).hex() for color in colors] == names"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import functools
+import re
 import zlib
 from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TypeAlias
 
 Color: TypeAlias = tuple[float, float, float]
@@ -20,6 +24,7 @@ _COMMON = (
 )
 # fmt: on
 _OTHER_WORDS = {"tvmonitor": "tv", "monitor": "tv", "plant": "pottedplant", "sofa": "couch"}
+_PALETTE = "glasbey_bw_minc_20_maxl_70"
 _OTHERS = 96  # how many of the palette's next colors all other names share
 
 
@@ -63,12 +68,21 @@ def _palette() -> tuple[Color, ...]:
 
     Source: Glasbey et al., "Colour displays for categorical images", 2007; computed by colorcet
     with lightness up to 70 and chroma from 20, so that no color is lost on a map's white and gray.
+
+    To import colorcet is to import matplotlib, which takes a third of a second, and which aborts
+    some nodes at their end, when threads still hold objects of it. So the colors are read from its
+    file, if they are there.
     """
+    found = find_spec("colorcet")
+    if found is not None and found.origin is not None:
+        text = Path(found.origin).read_text(encoding="utf-8")
+        if listed := re.search(rf"^{_PALETTE} = (\[.*?^\])", text, re.MULTILINE | re.DOTALL):
+            return tuple(_rounded(*color) for color in ast.literal_eval(listed[1]))
     import colorcet
 
-    return tuple(_rgb(text) for text in colorcet.b_glasbey_bw_minc_20_maxl_70)
+    return tuple(_rounded(*color) for color in getattr(colorcet, _PALETTE))
 
 
-def _rgb(text: str) -> Color:
-    red, green, blue = bytes.fromhex(text.removeprefix("#"))
-    return red / 255, green / 255, blue / 255
+def _rounded(red: float, green: float, blue: float) -> Color:
+    """Return a color as a page can show it, with 256 steps."""
+    return int(red * 255) / 255, int(green * 255) / 255, int(blue * 255) / 255
