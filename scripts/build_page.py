@@ -21,7 +21,7 @@ SOURCES = ROOT / "page"
 PAGE = ROOT / "src" / "hypermap" / "viewer" / "page"
 PIN = ROOT / "requirements" / "node.txt"  # Node.js as a Python package
 
-_STAMP = "sources.sha256"  # beside the built page: what it was built of
+_STAMP = "sources.sha256"  # beside the built page: what it was built of, and what was built
 _OLDEST = 20
 _NO_NODE = 3  # exit code
 
@@ -42,7 +42,7 @@ class NoNode(PageError):
 def is_current() -> bool:
     """Return whether the built page is there and was made of the sources as they are."""
     try:
-        return (PAGE / _STAMP).read_text().strip() == _hash_of_sources()
+        return (PAGE / _STAMP).read_text() == _stamp()
     except FileNotFoundError:
         return False
 
@@ -59,7 +59,7 @@ def build() -> None:
     npm = find_npm()
     (PAGE / _STAMP).unlink(missing_ok=True)
     _run(npm, "build")
-    (PAGE / _STAMP).write_text(_hash_of_sources() + "\n")
+    (PAGE / _STAMP).write_text(_stamp())
 
 
 def find_npm() -> Command:
@@ -119,6 +119,13 @@ def _has_cache() -> bool:
     cache = home / ".npm"
     named = "npm_config_cache" in map(str.lower, os.environ)
     return named or os.access(cache if cache.exists() else home, os.W_OK)
+
+
+def _stamp() -> str:
+    """Return the sources' hash, and the names and sizes of the files that are built."""
+    built = sorted(file for file in PAGE.iterdir() if file.name != _STAMP)
+    sizes = "".join(f"{file.name} {file.stat().st_size}\n" for file in built)
+    return f"{_hash_of_sources()}\n{sizes}"
 
 
 def _hash_of_sources() -> str:

@@ -97,6 +97,18 @@ def test_the_page_is_built_with_the_node_at_hand_and_only_after_a_change(checkou
     assert calls(checkout) == ["ci", "run", "run", "run"]
 
 
+@pytest.mark.parametrize("left", ["", None], ids=["emptied", "removed"])
+def test_a_page_that_lost_a_file_is_built_again(checkout: Path, left: str | None) -> None:
+    node(checkout)
+    build(checkout)
+    file = checkout / "src/hypermap/viewer/page/app.js"
+    file.unlink()
+    if left is not None:
+        file.write_text(left)
+    assert build(checkout).returncode == 0
+    assert file.read_text() == "built\n"
+
+
 def test_a_home_that_cannot_be_written_is_no_hindrance(checkout: Path) -> None:
     node(checkout)
     (checkout / "file").write_text("")
