@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import json
-import re
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -12,23 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from hypermap.cli.corrected_poses import PoseCorrection
 from hypermap.cli.recording_options import OPTIONS
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
-from hypermap.perception.frame import Camera
-from hypermap.perception.recording import SameRecording
-from hypermap.recordings import RecordingOptions, open_recording
-from hypermap.simulation import SimulatedRecording, demo_world, write_tum
+from hypermap.recordings import RecordingOptions
 from hypermap.testing import square
 from hypermap.viewer.live.document import MapDocument
 
 from .conftest import INTRINSICS, answered, assert_one_error, objects_in, write_drive
-
-SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
 
 
 def test_a_recording_becomes_a_map_that_holds_what_it_shows(hypermap, drive, tmp_path):
@@ -75,114 +66,6 @@ def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map
     assert hypermap("map", drive, *arguments).code == 0
     first = hypermap("info", out, "--json").json["layers"][0]
     assert (first["name"], first["width"], first["height"]) == ("occupancy", 30, 20)
-
-
-def test_it_is_reported_that_poses_are_not_corrected(hypermap, drive, room_map, tmp_path):
-    given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
-    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
-    reported = "poses were used as recorded; if they drift, --correct-poses graph corrects them"
-    common = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
-    assert reported in hypermap(*common).err
-    assert reported not in hypermap(*common, "--map", given).err
-    assert reported not in hypermap(*common, "--profile", "thesis").err  # which corrects none
-    assert reported not in hypermap(*common, "--correct-poses", "none").err  # as they are asked to
-    by_none = hypermap(*common, "--map", given, "--correct-poses", "none")
-    assert "corrected by the map" not in by_none.err
-    by_either = hypermap(*common, "--map", given, "--correct-poses", "auto")
-    assert "corrected by the map" in by_either.err
-
-
-def test_poses_are_corrected_without_a_map(hypermap, tmp_path):
-    """The poses say that the camera moves toward the wall; all images are the same."""
-    drive, out = write_drive(tmp_path / "drive", frames=6), tmp_path / "out.hmap"
-    stamps = [line.split()[0] for line in (drive / "depth.txt").read_text().splitlines()]
-    poses = [f"{stamp} {0.12 * i} 0 1 -0.5 0.5 -0.5 0.5" for i, stamp in enumerate(stamps)]
-    (drive / "groundtruth.txt").write_text("\n".join(poses) + "\n")
-    saved = tmp_path / "corrected.txt"
-    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out, "--save-poses", saved]
-    made = hypermap(*arguments, "--correct-poses", "auto")
-    assert made.code == 0
-    assert "poses: 5 of 6 corrected by a pose graph, by 36.0 cm" in made.err
-    assert f"saved {saved}" in made.err
-    metadata = hypermap("info", out, "--json").json["metadata"]
-    assert metadata["poses"] == "corrected by a pose graph"
-    assert metadata["pose_corrections"]["most_m"] == pytest.approx(0.6, abs=0.02)
-    positions = np.loadtxt(saved)[:, 1]
-    assert positions == pytest.approx(np.zeros(6), abs=0.02)
-    assert "5 skipped because the camera had hardly moved" in made.err
-    again = hypermap(*arguments, "--correct-poses", "graph")
-    assert again.code == 2
-    assert again.err.endswith("corrected.txt exists already; give --force to replace it\n")
-
-
-@pytest.mark.parametrize(
-    ("saved", "said"),
-    [
-        ("out.hmap", "the map is saved there"),
-        ("drive/groundtruth.txt", "this is a file of"),
-        ("drive", "drive, which is read"),
-        ("before.hmap", "before.hmap, which is read"),
-    ],
-)
-def test_corrected_poses_replace_no_other_file(hypermap, drive, tmp_path, saved, said):
-    out, before = tmp_path / "out.hmap", tmp_path / "before.hmap"
-    recording, common = tmp_path / "drive", ["--intrinsics", INTRINSICS, "--no-objects"]
-    shutil.copytree(drive, recording)
-    if saved == before.name:
-        assert hypermap("map", recording, *common, "-o", before).code == 0
-        common += ["--onto", before]
-    kept = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    graph = ["--correct-poses", "graph", "--save-poses", tmp_path / saved, "--force"]
-    assert_one_error(hypermap("map", recording, *common, *graph, "-o", out), "--save-poses", said)
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == kept
-
-
-def test_another_drive_does_not_tell_of_corrections_of_the_first(hypermap, tmp_path):
-    drives = [write_drive(tmp_path / name, frames=4) for name in "ab"]
-    lists = [drives[1] / name for name in ("depth.txt", "rgb.txt", "groundtruth.txt")]
-    for file in lists:  # a second drive, later than the first
-        file.write_text(file.read_text().replace("100.", "200."))
-    first, both = tmp_path / "first.hmap", tmp_path / "both.hmap"
-    common = ["map", "--no-objects", "--intrinsics", INTRINSICS]
-    graph = hypermap(*common, drives[0], "--correct-poses", "graph", "-o", first)
-    assert "no frames could be matched" in graph.err
-    assert "pose_corrections" in hypermap("info", first, "--json").json["metadata"]
-    more = hypermap(*common, drives[1], "--onto", first, "-o", both)
-    assert more.code == 0
-    assert "pose_corrections" not in hypermap("info", both, "--json").json["metadata"]
-
-
-def test_each_drive_onto_a_known_map_may_be_corrected_in_another_way(hypermap, room_map, tmp_path):
-    given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
-    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
-    drives = [write_drive(tmp_path / name, frames=2) for name in "abc"]
-    for folder, hundreds in zip(drives[1:], ("200.", "300."), strict=True):
-        for name in ("depth.txt", "rgb.txt", "groundtruth.txt"):
-            file = folder / name
-            file.write_text(file.read_text().replace("100.", hundreds))
-    common = ["map", "--no-objects", "--intrinsics", INTRINSICS, "-o", out]
-    assert hypermap(*common, drives[0], "--map", given).code == 0
-    by_graph = hypermap(*common, drives[1], "--onto", out, "--correct-poses", "graph")
-    assert by_graph.code == 0, by_graph.err
-    assert "poses: 0 of 2 corrected by a pose graph" in by_graph.err
-    by_map = hypermap(*common, drives[2], "--onto", out, "--correct-poses", "map")
-    assert by_map.code == 0, by_map.err
-    assert "corrected by the map" in by_map.err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--correct-poses", "grap"], "--correct-poses grap: did you mean 'graph'?"),
-        (["--correct-poses", "map"], "no occupancy map is known; give --map, or correct by graph"),
-        (["--save-poses", "x.txt"], "--save-poses: needs --correct-poses graph"),
-    ],
-)
-def test_poses_cannot_be_corrected_by_what_is_not_there(
-    hypermap, drive, tmp_path, arguments, message
-):
-    common = ["map", drive, "--intrinsics", INTRINSICS, "-o", tmp_path / "out.hmap"]
-    assert_one_error(hypermap(*common, *arguments), message)
 
 
 def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, tmp_path):
@@ -336,91 +219,6 @@ def test_with_objects_the_occupancy_is_the_same_as_alone(hypermap, drive, tmp_pa
     np.testing.assert_array_equal(one, other)
 
 
-def spoil(drive: Path, line: int, fault: str) -> Path:
-    """Give one line of a drive's depth.txt an image that cannot be used, and return its path."""
-    bad = drive / "bad.png"
-    whole = (drive / "depth.png").read_bytes()
-    if fault == "another size":
-        Image.fromarray(np.full((10, 20), 1000, np.uint16)).save(bad)
-    elif fault != "missing":
-        bad.write_bytes(whole[: int(float(fault) * len(whole))])
-    lines = (drive / "depth.txt").read_text().splitlines()
-    lines[line] = lines[line].replace("depth.png", bad.name)
-    (drive / "depth.txt").write_text("\n".join(lines))
-    return bad
-
-
-@pytest.mark.parametrize("fault", ["0.0", "0.01", "0.9", "missing", "another size"])
-@pytest.mark.parametrize("line", [0, 2])
-def test_an_image_that_cannot_be_used_is_left_out_and_named(hypermap, tmp_path, fault, line):
-    drive, out = write_drive(tmp_path / "drive", frames=4), tmp_path / "out.hmap"
-    bad = spoil(drive, line, fault)
-    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
-    result = hypermap(*arguments)
-    assert result.code == 0
-    assert f" left out: {bad}: " in result.err
-    assert "1 unusable" in result.err
-    assert open_map(out).metadata["frames"]["unusable"] == 1
-    assert objects_in(out)
-    out.unlink()
-    for strict in (["--strict"], ["--max-bad", "0.1"]):
-        result = hypermap(*arguments, *strict)
-        assert result.code == 2
-        last = result.err.splitlines()[-1]
-        assert last.startswith("hypermap: error: ")
-        assert str(bad) in last
-        assert not out.exists()
-
-
-def test_depth_in_a_wrong_unit_is_reported_with_its_likely_cause(hypermap, tmp_path):
-    drive, out = write_drive(tmp_path / "drive", frames=3), tmp_path / "out.hmap"
-    result = hypermap("map", drive, "--intrinsics", INTRINSICS, "--depth-scale", "1", "-o", out)
-    assert result.code == 2
-    last = result.err.splitlines()[-1]
-    assert "nothing to map: none of 3 frames can be used; the first one: half of its" in last
-    assert "--depth-scale" in last
-    assert not out.exists()
-
-
-def test_what_is_wrong_with_many_frames_alike_is_reported_once_with_their_number(
-    hypermap, tmp_path
-):
-    drive, out = write_drive(tmp_path / "drive", frames=6), tmp_path / "out.hmap"
-    for line in range(4):
-        spoil(drive, line, "missing")
-    arguments = ["map", drive, "--intrinsics", INTRINSICS, "--max-bad", "1", "-o", out]
-    reported = hypermap(*arguments)
-    assert reported.code == 0
-    assert reported.err.count(" left out: ") == 1
-    assert (
-        "warning: 3 more frames were left out for the same reasons (-v lists them)" in reported.err
-    )
-    assert "4 unusable" in reported.err
-    assert hypermap(*arguments, "-v").err.count(" left out: ") == 4
-    wrong_unit = hypermap(*arguments, "--depth-scale", "1")
-    assert wrong_unit.err.count("half of its depth is beyond") == 1
-
-
-@pytest.mark.parametrize("name", ["cut.bag", "cut.mcap"])
-def test_map_and_info_find_the_same_damage(hypermap, tmp_path, name):
-    bag = tmp_path / name
-    bag.write_bytes(b"#ROSBAG V2.0\nE\x00" if name == "cut.bag" else b"\x89MCAP0\r\n\x01\x00")
-    (missing,) = hypermap("info", bag, "--json").json["missing"]
-    assert "cannot be read" in missing
-    result = hypermap("map", bag, "-o", tmp_path / "out.hmap")
-    assert_one_error(result, missing)
-
-
-@pytest.mark.parametrize("kind", ["nothing", "a file", "an empty folder"])
-def test_what_is_no_recording_is_said_so(hypermap, tmp_path, kind):
-    path = tmp_path / "recording"
-    if kind == "a file":
-        path.write_text("hello")
-    if kind == "an empty folder":
-        path.mkdir()
-    assert_one_error(hypermap("map", path, "-o", tmp_path / "out.hmap"), str(path))
-
-
 def test_there_is_an_option_for_every_field_of_the_recording_options():
     fields = set(RecordingOptions.__dataclass_fields__)
     assert set(OPTIONS) == fields | {"level"}  # which is always measured
@@ -470,33 +268,6 @@ def test_who_ends_it_early_gets_what_there_is(tmp_path, before, numbers, name):
     assert "Traceback" not in said
     frames = open_map(out).metadata["frames"]
     assert 1 <= frames["used"] < 3000
-
-
-class EndedByUser(SameRecording):
-    """A recording during whose third frame somebody presses Ctrl-C."""
-
-    def frames(self, on_bad=None):
-        for number, frame in enumerate(self._recording.frames(on_bad)):
-            if number == 2:
-                signal.raise_signal(signal.SIGINT)
-            yield frame
-
-    def pending(self, on_bad=None):
-        yield from self._recording.pending(on_bad)
-
-
-def test_who_ends_the_correction_of_poses_gets_the_map_of_what_was_read(drive, tmp_path, capsys):
-    recording = EndedByUser(open_recording(drive, RecordingOptions(intrinsics=(525, 525, 80, 60))))
-    correction = PoseCorrection("graph", tmp_path / "poses.txt", has_map=False)
-    job = correction.corrected(recording)
-    assert job.stop.exit_code == 130
-    assert (
-        "mapping the 2 frames whose poses were corrected before Ctrl-C" in capsys.readouterr().err
-    )
-    assert len(np.loadtxt(tmp_path / "poses.txt")) == 2
-    stamps = [frame.stamp for frame in job.recording.pending()]
-    assert stamps == list(job.poses.poses)
-    assert job.until == stamps[-1]
 
 
 def test_info_tells_what_a_recording_holds(hypermap, drive):
@@ -563,65 +334,3 @@ def test_a_network_is_asked_from_the_score_on_that_is_saved(
     assert len(objects_in(out)) == objects  # the network's own score is 0.2
     metadata = hypermap("info", out, "--json").json["metadata"]
     assert metadata["config"]["perception"]["min_score"] == score
-
-
-def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_map, tmp_path):
-    given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
-    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
-    arguments = ["--intrinsics", INTRINSICS, "--map-frame", "hall", "--map", given, "-o", out]
-    made = hypermap("map", drive, *arguments)
-    assert made.code == 0
-    assert re.search(r"poses: 0 of 6 corrected by the map; \d+ as recorded: ", made.err)
-    described = hypermap("info", out, "--json").json
-    assert sum(described["metadata"]["pose_corrections"]["as_recorded"].values()) == 6
-    layers = described["layers"]
-    assert [layer["frame_id"] for layer in layers] == ["hall", "hall"]
-
-
-def test_a_world_that_is_not_level_is_reported_with_the_option_that_levels_it(hypermap, tmp_path):
-    room = tmp_path / "room"
-    write_tum(SimulatedRecording(demo_world(), rate=0.5), room)
-    map_room = ["map", room, "-o", tmp_path / "room.hmap", "--drop-evidence"]
-    level = hypermap(*map_room)
-    assert level.code == 0
-    assert "warning" not in level.err
-    tilted = hypermap(*map_room, "--world-transform", "1,0,-1,0.4,0.2,0.5")
-    assert tilted.code == 0
-    assert "the world of the recording is not level: its floor is tilted by 2" in tilted.err
-    assert "  level: give --level auto, or --world-transform=" in tilted.err.splitlines()[-1]
-    option = re.search(r"--world-transform=\S+", tilted.err)
-    assert option is not None
-    for mend in ([option[0]], ["--world-transform", "1,0,-1,0.4,0.2,0.5", "--level", "auto"]):
-        mended = hypermap(*map_room, *mend)
-        assert mended.code == 0
-        assert "warning" not in mended.err
-    assert "level: the floor is tilted by 2" in mended.err
-
-
-def test_what_auto_measures_is_said_and_used(hypermap, tmp_path):
-    room = tmp_path / "room"
-    write_tum(SimulatedRecording(demo_world(), camera=SMALL, rate=3.0), room)
-    poses = (room / "groundtruth.txt").read_text().splitlines()
-    late = [f"{float(line.split()[0]) + 0.2:.6f} {line.partition(' ')[2]}" for line in poses[2:]]
-    (room / "groundtruth.txt").write_text("\n".join(late))
-    map_room = ["map", room, "-o", tmp_path / "room.hmap", "--no-objects"]
-    reported = hypermap(*map_room)
-    assert "images match each other best with the poses of 0.20 s later" in reported.err
-    mended = hypermap(*map_room, "--time-offset", "auto", "--level", "auto")
-    assert "time offset: 0.20 s" in mended.err
-    assert "level: within 0.0 degrees, so the world is unchanged" in mended.err
-    assert "make the map worse" in reported.err
-    assert "make the map worse" not in mended.err
-    for option, value in (("--level", "manual"), ("--time-offset", "soon"), ("--rotate", "45")):
-        assert_one_error(hypermap(*map_room, option, value), option)
-    assert_one_error(hypermap(*map_room, "--color-intrinsics", "5,5,3,2"), "give register")
-
-
-def test_a_real_kitchen_with_a_tilted_world_is_reported(hypermap, shared_data, tmp_path):
-    nothing = tmp_path / "nothing.json"
-    nothing.write_text('{"frames": {}}')
-    kitchen = ["map", shared_data / "kitchen", "--detections", nothing, "-o", tmp_path / "k.hmap"]
-    result = hypermap(*kitchen)
-    assert "tilted by 27 degrees" in result.err
-    assert "m below its origin" in result.err
-    assert "tilted" not in hypermap(*kitchen, result.err.splitlines()[-1].strip()).err

@@ -11,13 +11,19 @@ import pytest
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.experiments.drives import SimulatedDrive, map_drive
-from hypermap.experiments.installed_methods import InstalledMethod, installed_names
+from hypermap.experiments.installed_methods import (
+    ENTRY_POINT_GROUP,
+    InstalledMethod,
+    installed_names,
+)
 from hypermap.experiments.methods import chosen_methods, named_method, settings_of
 from hypermap.mapping.config import MappingConfig, profile
 from hypermap.mapping.stages import KeyframeConfig
 from hypermap.simulation import errors_of_level
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, World, WorldObject
+
+from ..installed import install_package
 
 PACKAGE = '''
 import shapely
@@ -70,27 +76,24 @@ class Empty(Boxes):
     def objects(self):
         return None
 '''
-POINTS = """[hypermap.methods]
-boxes = box_mapper:Boxes
-slow = box_mapper:SLOW
-number = box_mapper:NUMBER
-broken = box_mapper:broken
-nothing = box_mapper:nothing
-gone = box_mapper:Gone
-names = box_mapper:Names
-fails = box_mapper:Fails
-empty = box_mapper:Empty
-"""
+POINTS = {
+    "boxes": "box_mapper:Boxes",
+    "slow": "box_mapper:SLOW",
+    "number": "box_mapper:NUMBER",
+    "broken": "box_mapper:broken",
+    "nothing": "box_mapper:nothing",
+    "gone": "box_mapper:Gone",
+    "names": "box_mapper:Names",
+    "fails": "box_mapper:Fails",
+    "empty": "box_mapper:Empty",
+}
 
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A package with methods, as pip would install it."""
     (tmp_path / "box_mapper.py").write_text(PACKAGE)
-    metadata = tmp_path / "box_mapper-1.5.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: box-mapper\nVersion: 1.5\n")
-    (metadata / "entry_points.txt").write_text(POINTS)
+    install_package(tmp_path, "box-mapper", ENTRY_POINT_GROUP, POINTS, "1.5")
     monkeypatch.syspath_prepend(tmp_path)
     return tmp_path
 
@@ -182,10 +185,7 @@ def test_a_method_that_does_not_work_is_named(word: str, message: str) -> None:
 
 
 def test_of_two_packages_with_a_method_of_one_name_none_is_taken(installed: Path) -> None:
-    other = installed / "other-1.0.dist-info"
-    other.mkdir()
-    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
-    (other / "entry_points.txt").write_text("[hypermap.methods]\nboxes = other:Boxes\n")
+    install_package(installed, "other", ENTRY_POINT_GROUP, {"boxes": "other:Boxes"})
     with pytest.raises(HypermapError, match=r"other:Boxes.* have the same name; uninstall one"):
         named_method("boxes")
 

@@ -137,7 +137,8 @@ def test_figures_go_into_detail(report: tuple[str, dict, str]) -> None:
 
 def test_each_table_is_saved_for_a_paper(report: tuple[str, dict, str]) -> None:
     text, figures, _ = report
-    folder = Path(re.search(r"tables +(.*)", text).group(1))  # type: ignore[union-attr]
+    (named,) = re.findall(r"tables +(.*)", text)
+    folder = Path(named)
     names = {file.stem for file in folder.iterdir()}
     kinds = "methods gains class-iou recall poses by-size by-object reliability-default"
     assert {f"studio-{kind}" for kind in (*kinds.split(), "confusion-hull")} <= names

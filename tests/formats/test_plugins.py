@@ -13,6 +13,8 @@ from hypermap.formats.grid import map_server
 from hypermap.formats.plugins import blamed_on_plugin, installed_layers, plugin_for
 from hypermap.formats.semantic import yaml_files as semantic_yaml
 
+from ..installed import install_package
+
 PLUGIN = """
 from hypermap.core.occupancy import OccupancyLayer
 class Rooms:
@@ -41,19 +43,16 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "failing_rooms.py").write_text(FAILING)
     (tmp_path / "full_rooms.py").write_text("raise MemoryError")
     (tmp_path / "half_rooms.py").write_text("def empty(): ...\ndef load(): ...\n")
-    info = tmp_path / "some_rooms-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: some-rooms\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "[hypermap.layers]\n"
-        "RoomLayer = some_rooms:PLUGIN\n"
-        "BrokenLayer = broken_rooms:PLUGIN\n"
-        "HalfLayer = half_rooms\n"
-        "FullLayer = full_rooms:PLUGIN\n"
-        "FailingLayer = failing_rooms:PLUGIN\n"
-        "NowhereLayer = some_rooms:NOTHING\n"
-        "SemanticLayer = some_rooms:PLUGIN\n"
-    )
+    points = {
+        "RoomLayer": "some_rooms:PLUGIN",
+        "BrokenLayer": "broken_rooms:PLUGIN",
+        "HalfLayer": "half_rooms",
+        "FullLayer": "full_rooms:PLUGIN",
+        "FailingLayer": "failing_rooms:PLUGIN",
+        "NowhereLayer": "some_rooms:NOTHING",
+        "SemanticLayer": "some_rooms:PLUGIN",
+    }
+    install_package(tmp_path, "some-rooms", "hypermap.layers", points)
     return tmp_path
 
 

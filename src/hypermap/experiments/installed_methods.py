@@ -78,7 +78,7 @@ def _named(method: InstalledMethod, what: str, drive: str) -> Iterator[None]:
         yield
     except (HypermapError, MemoryError):
         raise
-    except Exception as error:
+    except Exception as error:  # whatever the package raises
         last = traceback.extract_tb(error.__traceback__)[-1]
         why = f"{what} on {drive}: {_words(error)} (line {last.lineno} of {last.filename})"
         raise _cannot(method.name, method.source, why) from error
@@ -164,7 +164,7 @@ def _loaded(entry: EntryPoint) -> Any:
         return entry.load()
     except (HypermapError, MemoryError):
         raise
-    except Exception as error:
+    except Exception as error:  # whatever the package raises when it is imported
         raise _cannot(entry.name, entry.value, f"cannot be loaded: {_words(error)}") from error
 
 

@@ -12,6 +12,7 @@ import pytest
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.perception.detectors import load_detector
 
+from ...installed import install_package
 from .conftest import SaveModel, yolov8_table
 
 PLUGIN = '''
@@ -37,12 +38,8 @@ class WholeImage:
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A package with a detector, as pip would install it."""
     (tmp_path / "whole_image.py").write_text(PLUGIN)
-    metadata = tmp_path / "whole_image-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: whole-image\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(
-        "[hypermap.detectors]\nwhole = whole_image:WholeImage\n"
-    )
+    points = {"whole": "whole_image:WholeImage"}
+    install_package(tmp_path, "whole-image", "hypermap.detectors", points)
     monkeypatch.syspath_prepend(tmp_path)
 
 
