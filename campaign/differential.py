@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from campaign import golden
 from campaign.oracle import EPSILON, Grid, Oracle, Pose, Thing, Things, label
 from campaign.part import Budget, Finding, Result
+from campaign.random_things import NAMES, RandomThings
 from hypermap import (
     FrameTree,
     GridGeometry,
@@ -34,8 +35,6 @@ from hypermap import (
 SHORT_WORLDS = 4
 QUESTIONS = 8  # of each kind, to each state of a world
 CHANGES = 4  # of each world; after each, all is asked again
-_NAMES = ("cup", "chair", "Tür", "table")
-_EXTENT = 12.0  # meters
 
 
 class Wrong(Exception):
@@ -82,8 +81,7 @@ class World:
     def __init__(self, seed: int) -> None:
         self.asked = self.changes = 0
         self._draw = random.Random(seed)
-        # In a quarter of the worlds all lies on a lattice, and shapes touch and coincide.
-        self._is_lattice = seed % 4 == 0
+        self._drawn = RandomThings(self._draw, is_lattice=seed % 4 == 0)
         self._next: dict[str, int] = {}
         self.oracle, self.hypermap = self._made()
 
@@ -113,7 +111,7 @@ class World:
         transforms = []
         for frame in ("lab", "attic")[: draw.randrange(3)]:
             parent = draw.choice(list(poses))
-            pose = self._pose()
+            pose = self._drawn.pose()
             transforms.append(Transform(parent, frame, Pose2D(*pose)))
             poses[frame] = _combined(poses[parent], pose)
         layers: list[Grid | Things] = []
@@ -121,75 +119,25 @@ class World:
         for number in range(draw.randrange(1, 5)):
             frame = "map" if number == 0 else draw.choice(list(poses))
             if draw.random() < 0.4:
-                grid = self._grid(f"grid {number}", frame)
+                grid = self._drawn.grid(f"grid {number}", frame)
                 layers.append(grid)
                 made.append(_layer_of(grid))
             else:
-                things = [self._thing(i) for i in range(draw.choice([0, 1, 5, 20, 60]))]
+                things = [self._drawn.thing(i) for i in range(draw.choice([0, 1, 5, 20, 60]))]
                 layer = Things(f"things {number}", frame, things)
                 layers.append(layer)
                 objects = [_object_of(thing) for thing in things]
                 made.append(SemanticLayer(layer.name, frame, objects))
                 self._next[layer.name] = len(things)
-        margin = 0.0 if self._is_lattice else EPSILON
+        margin = 0.0 if self._drawn.is_lattice else EPSILON
         return Oracle(layers, poses, margin), Hypermap(made, FrameTree(transforms))
-
-    def _pose(self) -> Pose:
-        draw = self._draw
-        if self._is_lattice:
-            return float(draw.randrange(-3, 4)), float(draw.randrange(-3, 4)), 0.0
-        return draw.uniform(-5, 5), draw.uniform(-5, 5), draw.uniform(-math.pi, math.pi)
-
-    def _grid(self, name: str, frame: str) -> Grid:
-        draw = self._draw
-        resolution = draw.choice([0.25, 0.5, 1.0] if self._is_lattice else [0.05, 0.3, 1.0, 2.7])
-        most = min(40, int(_EXTENT / resolution) + 1)
-        shape = draw.randrange(1, most + 1), draw.randrange(1, most + 1)
-        random = np.random.default_rng(draw.randrange(2**31))
-        cells = random.choice(np.array([-1, 0, 57, 100], np.int8), shape)
-        return Grid(name, frame, resolution, self._pose(), cells)
-
-    def _thing(self, number: int) -> Thing:
-        draw = self._draw
-        tags = tuple(draw.sample(["red", "big"], draw.randrange(3)))
-        return Thing(number, draw.choice(_NAMES), self._shape(), tags)
-
-    def _shape(self, most: float = 2.0) -> BaseGeometry:
-        """Return a polygon, perhaps with a hole, or two polygons."""
-        draw = self._draw
-        x, y = self._place()
-        if self._is_lattice:
-            w, h = draw.randrange(1, 9) / 4, draw.randrange(1, 9) / 4
-            return shapely.box(x, y, x + w, y + h)
-        if draw.random() < 0.15:
-            parts = [self._star(x, y, most / 2), self._star(x + 3 * most, y, most / 2)]
-            return shapely.MultiPolygon(parts)
-        return self._star(x, y, most * draw.uniform(0.05, 1.0))
-
-    def _star(self, x: float, y: float, most: float) -> shapely.Polygon:
-        """Return a polygon that is seen whole from its middle, so that it cannot cross itself."""
-        draw = self._draw
-        count = draw.choice([3, 4, 5, 12, 40])
-        angles = 2 * math.pi * (np.arange(count) + draw.random() * 0.9) / count
-        reach = np.array([draw.uniform(0.3, 1.0) for _ in range(count)]) * most
-        corners = np.column_stack([np.cos(angles), np.sin(angles)]) * reach[:, np.newaxis]
-        middle = np.array([x, y])
-        hole = [corners * 0.3 + middle] if count > 4 and draw.random() < 0.3 else []
-        polygon = shapely.Polygon(corners + middle, hole)
-        return polygon if polygon.is_valid else shapely.Polygon(corners + middle)
-
-    def _place(self) -> tuple[float, float]:
-        draw = self._draw
-        if self._is_lattice:
-            return draw.randrange(-20, 21) / 4, draw.randrange(-20, 21) / 4
-        return draw.uniform(-_EXTENT / 2, _EXTENT / 2), draw.uniform(-_EXTENT / 2, _EXTENT / 2)
 
     def _change(self) -> None:
         """Add, replace, rename or remove objects, or put another grid in place of one."""
         draw = self._draw
         chosen = draw.choice(self.oracle.layers)
         if isinstance(chosen, Grid):
-            new = self._grid(chosen.name, chosen.frame)
+            new = self._drawn.grid(chosen.name, chosen.frame)
             self.oracle.layers[self.oracle.layers.index(chosen)] = new
             self.hypermap = self.hypermap.with_layer(_layer_of(new))
             return
@@ -197,7 +145,9 @@ class World:
         assert isinstance(layer, SemanticLayer)
         things, kind = chosen.things, draw.randrange(4)
         if kind == 0 or not things:
-            added = [self._thing(self._next[chosen.name] + i) for i in range(draw.choice([1, 9]))]
+            added = [
+                self._drawn.thing(self._next[chosen.name] + i) for i in range(draw.choice([1, 9]))
+            ]
             self._next[chosen.name] += len(added)
             things += added
             given = layer.add([_object_of(thing) for thing in added])
@@ -206,11 +156,11 @@ class World:
         elif kind == 1:
             some = draw.sample(range(len(things)), min(3, len(things)))
             for place in some:
-                things[place] = self._thing(things[place].number)
+                things[place] = self._drawn.thing(things[place].number)
             layer.update_many({things[i].number: _object_of(things[i]) for i in some})
         elif kind == 2:
             thing = draw.choice(things)
-            thing.name = draw.choice(_NAMES)
+            thing.name = draw.choice(NAMES)
             layer.rename(thing.number, thing.name)
         else:
             gone = draw.sample(things, min(2, len(things)))
@@ -239,18 +189,18 @@ class World:
     def _area(self) -> tuple[str, BaseGeometry]:
         """Return an area: a box, a polygon or a circle."""
         draw = self._draw
-        x, y = self._place()
+        x, y = self._drawn.place()
         kind = draw.choice(["box", "polygon", "circle"])
         if kind == "box":
             w, h = (draw.randrange(1, 20) / 4 for _ in range(2))
             return kind, shapely.box(x, y, x + w, y + h)
         if kind == "polygon":
-            return kind, self._shape(5.0)
+            return kind, self._drawn.shape(5.0)
         return kind, shapely.Point(x, y).buffer(draw.choice([0.25, 1.0, 4.0]))
 
     def _at(self, layer: Grid | Things) -> None:
         frame = self._known_frame()
-        points = [self._place() for _ in range(self._draw.choice([1, 1, 7]))]
+        points = [self._drawn.place() for _ in range(self._draw.choice([1, 1, 7]))]
         values = self.hypermap.value_at(layer.name, points, frame).tolist()
         labels = self.hypermap.label_at(layer.name, points, frame).tolist()
         for point, value, said in zip(points, values, labels, strict=True):
@@ -291,7 +241,7 @@ class World:
 
     def _nearest(self, layer: Grid | Things) -> None:
         what, frame, k = self._what(layer), self._known_frame(), self._draw.choice([1, 2, 5])
-        point = self._place()
+        point = self._drawn.place()
         at = self.oracle.point_in_base(point, frame or "map")
         expected = [far for far, _ in self.oracle.distances(layer, what, at.x, at.y)][:k]
         found = self.hypermap.nearest(what, point, k, layer.name, frame)
@@ -319,7 +269,7 @@ class World:
             )
 
     def _objects_at(self) -> None:
-        point, frame = self._place(), self._known_frame()
+        point, frame = self._drawn.place(), self._known_frame()
         at = self.oracle.point_in_base(point, frame or "map")
         keys, shapes = self._keys(), [shape for _, _, shape in self.oracle.objects()]
         may, sure = map(set, self.oracle.around(np.array(shapes, dtype=object), at))
@@ -338,12 +288,12 @@ class World:
         draw, keys = self._draw, self._keys()
         everything = self.oracle.objects()
         frame = self._known_frame()
-        name = draw.choice([None, *_NAMES])
+        name = draw.choice([None, *NAMES])
         tags = draw.choice([(), (), ("red",)])
         kind, area = self._area() if draw.random() < 0.4 else ("", None)
-        near: Any = draw.choice([None, self._place(), draw.choice(_NAMES)])
+        near: Any = draw.choice([None, self._drawn.place(), draw.choice(NAMES)])
         within = draw.choice([None, 0.5, 3.0]) if near is not None else None
-        inside: Any = draw.choice([None, None, self._area()[1], draw.choice(_NAMES)])
+        inside: Any = draw.choice([None, None, self._area()[1], draw.choice(NAMES)])
         found = self.hypermap.objects(
             name, near=near, within=within, inside=inside, area=area, tags=tags, frame_id=frame
         )
@@ -375,7 +325,7 @@ class World:
                     margins.append(-math.inf)
             if min(margins) >= -EPSILON:
                 may.add(number)
-            if min(margins) > EPSILON or (self._is_lattice and min(margins) >= 0):
+            if min(margins) > EPSILON or (self._drawn.is_lattice and min(margins) >= 0):
                 sure.add(number)
         given = [keys[hit.layer, _id(hit)] for hit in found]
         text = f"objects {name}, near {near}, within {within}, inside {inside}, {kind} in {frame}"
@@ -407,7 +357,7 @@ class World:
         draw = self._draw
         if isinstance(layer, Things):
             numbers = [thing.number for thing in layer.things] or [0]
-            some: list[str | int] = [*_NAMES, "nothing", draw.choice(numbers)]
+            some: list[str | int] = [*NAMES, "nothing", draw.choice(numbers)]
         else:
             some = ["Free", "Occupied", "Unknown", "nothing", 0, 57, 100, -1]
         return draw.choice(some)
