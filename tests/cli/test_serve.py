@@ -192,7 +192,7 @@ def test_clients_change_nothing_unless_they_may_and_what_they_replace_is_kept(
             client.call("/hypermap_server/clear", "std_srvs/Trigger")
         with pytest.raises(ServiceFailed, match="clients are read-only"):
             client.call("/hypermap_server/find_rooms", "hypermap_msgs/FindRooms")
-        assert "/hypermap_server/occupancy_map" in client.channels
+        client.wait(lambda: "/hypermap_server/occupancy_map" in client.channels, "the map")
     assert server.stop(signal.SIGINT) == 0
     assert [path.name for path in folder.iterdir()] == ["room.hmap"]
     before = stored.read_bytes()

@@ -14,7 +14,7 @@ from scipy import ndimage, sparse
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
-from hypermap.alignment.grids import Field, Scan, scan_of
+from hypermap.alignment.grids import Field, Scan, scan_of, wall_tolerance
 from hypermap.alignment.matching import NotAligned
 from hypermap.core.arrays import FloatArray
 from hypermap.core.frames import Pose2D
@@ -29,7 +29,6 @@ _SMOOTH = 0.05  # [m] by which the shifts of two neighbors differ
 _ROUNDS, _OFF = 4, 0.1  # [m] off the smooth field from which on a match counts little
 _SMALL = 1.0  # [m] of the shift of any place, before anything is known
 _FEWEST, _MOST_POINTS = 30, 400  # of walls around a place
-_WALL = 0.08  # [m] up to which walls are the same, beside half a cell of each map
 _LEAST_AGREEMENT = 0.7  # share of walls
 _LEAST_GAIN = 0.01  # share of walls
 _GAIN = 0.5  # share of the walls that did not agree
@@ -84,7 +83,7 @@ def bend_of(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Bend:
     shifts = np.zeros((height, width, 2))
     for radius, reach, step in _PASSES:
         shifts = _pass(places, shifts, walls, field, radius, reach, step)
-    within = _WALL + (a.resolution + b.resolution) / 2
+    within = wall_tolerance(a, b)
     before = _agreement(walls, field, within)
     after = _agreement(_moved(walls, low, shifts), field, within)
     bend = Bend(low, shifts, before, after)

@@ -15,6 +15,7 @@ from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 
 _OCCUPIED, _FREE = 65, 25  # from and up to these values, as map_server has it
+_SAME_WALL = 0.08  # [m] up to which walls are the same, plus half a cell of each map
 _MOST_CELLS = 4_000_000  # of a field of distances; larger maps get larger cells
 
 
@@ -52,6 +53,11 @@ class Scan:
     def radius(self) -> float:
         """How far what is known reaches from its middle [m]."""
         return float(np.linalg.norm(self.known_xy - self.center, axis=1).max())
+
+
+def wall_tolerance(a: Scan, b: Scan) -> float:
+    """Return how far walls of two maps may be apart to be the same [m]."""
+    return _SAME_WALL + (a.resolution + b.resolution) / 2
 
 
 def scan_of(hypermap: Hypermap, layer: str | None = None) -> Scan:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage, optimize
 
-from hypermap.alignment.grids import Field, Scan, scan_of
+from hypermap.alignment.grids import Field, Scan, scan_of, wall_tolerance
 from hypermap.core.arrays import FloatArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
@@ -28,7 +28,6 @@ _PER_ROTATION, _CANDIDATES = 3, 24  # places that are kept of each rotation, and
 _MOST_POINTS = 4000  # of walls, that are compared in the fine search
 _ELSEWHERE = (0.5, math.radians(8))  # [m, rad] by which another place differs
 _NEAR_INITIAL = (2.0, math.radians(30))  # [m, rad] around a pose that is given
-_WALL = 0.08  # [m] up to which walls are the same, plus half a cell of each map
 _OBJECT = 0.6  # [m] up to which objects of one name are the same
 _OBJECT_WEIGHT = 1.0  # [m] of wall for which an object in its place counts, and against, elsewhere
 
@@ -324,7 +323,7 @@ def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
 
 def _fit(pose: Pose2D, a: Scan, b: Scan, on_a: Field, on_b: Field) -> _Fit:
     """Return how well a pose fits."""
-    within = _WALL + (a.resolution + b.resolution) / 2
+    within = wall_tolerance(a, b)
     back = pose.inverse()
     fits, against = 0.0, 0.0
     shares = []

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.alignment.grids import Field, Scan, scan_of
+from hypermap.alignment.grids import Field, Scan, scan_of, wall_tolerance
 from hypermap.core.arrays import FloatArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
@@ -27,7 +27,6 @@ from hypermap.perception.frame import RgbdFrame
 
 _FIRST_LOOK = 16  # frames before the first comparison; each later one is at twice as many
 _FEWEST = 8  # frames that can tell; by two alone, 8 of 143 honest drives through `lab` would differ
-_WALL = 0.08  # [m] up to which walls are the same, beside half a cell of each map
 _NEAR = 0.3  # [m] up to which a sighting is of an object of that name
 _LEAST_WALL, _LEAST_SIGHTINGS = 4.0, 15  # [m] of walls and number of sightings that can tell
 # Shares of walls, beyond chance, and of sightings. On simulated drives a day apart through six
@@ -213,7 +212,7 @@ class PlaceCheck:
         except HypermapError:  # it has no walls, or nothing free, so far
             return None
         on_drive = Field.of(drive, drive.resolution, margin=0.0)
-        within = _WALL + (drive.resolution + self._scan.resolution) / 2
+        within = wall_tolerance(drive, self._scan)
         assert self._field is not None
         total = np.zeros(3)
         for scan, field in ((drive, self._field), (self._scan, on_drive)):
