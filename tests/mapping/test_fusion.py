@@ -17,7 +17,7 @@ from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import best_shape, convex_hull, votes
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.votes import _add_steps, _joined, aligning_moves
+from hypermap.mapping.votes import _add_steps, _joined, agreed_points, aligning_moves
 
 CONFIG = EvidenceConfig()
 EVERYWHERE = shapely.box(-100, -100, 100, 100)
@@ -189,7 +189,7 @@ def test_votes_are_counted_as_shapely_decides_about_each_cell(
     if polygon.area == 0 or not isinstance(polygon, shapely.Polygon | shapely.MultiPolygon):
         return
     polygon = polygon.reverse() if reverse else polygon
-    edges, first = _joined(PreparedPolygon.all_of([polygon, polygon]))
+    edges, first = _joined([each.edges for each in PreparedPolygon.all_of([polygon, polygon])])
     weights, to_cells = np.array([1.0, 2.0]), grid.to_cells_matrix()
     steps = np.zeros((grid.height, grid.width + 1))
     _add_steps(edges, first, weights, np.zeros((2, 2)), to_cells, steps)
@@ -234,6 +234,19 @@ def test_the_shape_is_the_hull_of_the_cells_that_get_their_share_of_the_votes(
     )
     hull = shapely.union_all(cells).convex_hull
     assert shapely.hausdorff_distance(votes(seen, config).geometry, hull) < 1e-6
+
+
+@given(seed=seeds)
+def test_edges_of_visible_areas_that_are_far_away_do_not_matter(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-0.3, 0.3, (4, 2)).tolist()
+    shapes = [square(x, y, side=0.2) for x, y in places]
+    around = [shapely.Point(*rng.uniform(-2, 2, 2)).buffer(rng.uniform(0.2, 3)) for _ in places]
+    seen = buffer(*shapes, areas=around)
+    found = agreed_points(seen, CONFIG)
+    for item in seen.items:
+        vars(item)["near_edges"] = item.prepared_area.edges
+    np.testing.assert_array_equal(found, agreed_points(seen, CONFIG))
 
 
 def test_votes_may_have_whole_numbers_as_scores() -> None:

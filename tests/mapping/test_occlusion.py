@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hypermap.core.trajectory import pose_from_rpy
@@ -68,6 +68,18 @@ def test_what_is_too_small_to_be_found_is_not_missed() -> None:
     samples = [sample_points(PreparedPolygon.of(cup))]
     assert visible_shares(looking_along_x(6.0), samples, heights, 0.15).visible == 0
     assert visible_shares(looking_along_x(6.0, x=2.0), samples, heights, 0.15).visible == 1
+
+
+@given(corners=st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=3, max_size=9))
+def test_hulls_are_sampled_alike_wherever_their_ring_begins(corners) -> None:
+    hull = shapely.convex_hull(shapely.linestrings(np.round(corners, 2)))
+    assume(isinstance(hull, shapely.Polygon))
+    ring = shapely.get_coordinates(hull)[:-1]
+    found = sample_points(PreparedPolygon.of(hull))
+    turned = sample_points(PreparedPolygon.of(shapely.Polygon(np.roll(ring, 1, axis=0))))
+    np.testing.assert_allclose(found.around, turned.around, atol=1e-9)
+    np.testing.assert_allclose(found.xy, turned.xy, atol=1e-9)
+    assert found.width == pytest.approx(turned.width)
 
 
 def test_without_objects_there_is_nothing_to_see() -> None:

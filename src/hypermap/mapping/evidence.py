@@ -18,7 +18,7 @@ from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.class_sizes import is_usual
 from hypermap.mapping.completion import FreeShare
-from hypermap.mapping.evidence_buffer import Evidence, evidence_from
+from hypermap.mapping.evidence_buffer import Evidence, FoundEvidence, evidence_from
 from hypermap.mapping.footprint_iou import at_same_height, footprint_ious
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.missed_detections import penalize_missed, prune
@@ -69,25 +69,30 @@ class EvidenceMap:
         """Return how many objects are published."""
         return len(self._as_published().rows())
 
-    def update(self, observation: Observation) -> None:
+    def update(self, observation: Observation, found: FoundEvidence | None = None) -> None:
         """Add one frame. If that fails, the map stays unchanged.
 
         Empty and invalid shapes, and those without area, are skipped and counted.
+
+        Args:
+            observation: the frame.
+            found: what `evidence_from` returns for it, if that is known already.
         """
         before, ignored = self._tracks.copy(), self.ignored
         self._touched.clear()
         try:
-            self._add_frame(observation)
+            self._add_frame(observation, found)
         except BaseException:  # for example, out of memory
             self._tracks, self.ignored = before, ignored
             for track, was in self._touched.values():
                 track.become(was)
             raise
 
-    def _add_frame(self, observation: Observation) -> None:
+    def _add_frame(self, observation: Observation, found: FoundEvidence | None) -> None:
         self._observed.clear()
         self.shown = []
-        found = evidence_from(observation, self.config.abstain)
+        if found is None:
+            found = evidence_from(observation, self.config.abstain)
         if len(found) < len(observation.objects):
             self.ignored += len(observation.objects) - len(found)
             _log.info("frame %.6f: skipped shapes without area", observation.stamp)
@@ -247,6 +252,7 @@ class EvidenceMap:
             fresh = moved_within_place(track.buffer, self._fuse, self.config)
             if fresh is not None:
                 track.buffer, track.moved = fresh
+                track.moved_since = track.buffer.items[0].stamp
                 track.pending = len(track.buffer)
         if self.config.moves and self._tracks.existence[row] <= self.config.forget_below:
             self._tracks.change_existence(row, -float(self._tracks.existence[row]))  # it is back
@@ -391,6 +397,7 @@ class EvidenceMap:
             track.buffer = there.buffer.copy()
             track.buffer.first_seen = first_seen
             track.pending, track.moved = there.pending, move.confidence
+            track.moved_since = there.buffer.first_seen
             track.gone_since = None
             shapes = self._tracks.shapes
             shapes.replace(row, shapes.polygons[other])

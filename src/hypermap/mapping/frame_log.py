@@ -7,7 +7,6 @@ corrections of roll and pitch are ignored.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import zlib
 from collections.abc import Iterable, Mapping, Sequence, Sized
@@ -63,33 +62,6 @@ class LoggedFrame:
     seen: SeenCells | None
     finds_objects: bool = True
 
-    def moved_to(self, map_T_camera: NDArray[np.float64], resolution: float) -> LoggedFrame:
-        """Return the frame as if taken from another pose, whose roll and pitch are ignored.
-
-        Args:
-            map_T_camera: pose of the camera's optical frame, shape (4, 4).
-            resolution: side of a cell [m].
-        """
-        before = self.observation
-        motion, lift = floor_motion(before.map_T_camera, map_T_camera)
-        pose = _in_space(motion, lift) @ before.map_T_camera
-        footprints = motion.apply_geometries(as_objects(one.footprint for one in before.objects))
-        objects = tuple(
-            dataclasses.replace(
-                one, footprint=footprint, z_min=one.z_min + lift, z_max=one.z_max + lift
-            )
-            for one, footprint in zip(before.objects, footprints, strict=True)
-        )
-        view = before.view
-        if view is not None:
-            view = dataclasses.replace(view, map_T_camera=pose)
-        area = motion.apply_geometry(before.visible_area)
-        return LoggedFrame(
-            Observation(before.stamp, pose, objects, area, view),
-            None if self.seen is None else self.seen.moved(motion, resolution),
-            self.finds_objects,
-        )
-
 
 def floor_motion(before: NDArray[np.float64], after: NDArray[np.float64]) -> tuple[Pose2D, float]:
     """Return how the map near a camera moves over the floor when the camera's pose is corrected.
@@ -105,13 +77,6 @@ def floor_motion(before: NDArray[np.float64], after: NDArray[np.float64]) -> tup
     yaw = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
     x, y = after[:2, 3] - Pose2D(yaw=yaw).apply(before[:2, 3])[0]
     return Pose2D(float(x), float(y), yaw), float(after[2, 3] - before[2, 3])
-
-
-def _in_space(motion: Pose2D, lift: float) -> NDArray[np.float64]:
-    matrix = np.eye(4)
-    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = motion.matrix()
-    matrix[2, 3] = lift
-    return matrix
 
 
 def packed_frame(frame: LoggedFrame) -> bytes:

@@ -15,10 +15,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import as_objects
+from hypermap.core.arrays import BoolArray, as_objects
 from hypermap.history.likeness import FARTHEST, MAY_BE, SAME_SHAPE, likeness
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import Fusion
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable
 
@@ -66,7 +67,7 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
     hand are never among them.
     """
     buffers = [track.buffer for track in tracks.objects]
-    if not buffers:
+    if not _may_have_moved(tracks):  # the usual case, which is fast
         return []
     is_own = np.array([track.by_hand is None for track in tracks.objects])
     is_confirmed = is_own & np.array([buffer.count >= CONFIRMED for buffer in buffers])
@@ -80,14 +81,17 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
     there = np.flatnonzero(is_there & (first > last[gone].min(initial=np.inf))).tolist()
     if not (gone and there):
         return []
+    is_near, ways = _within_reach(tracks, gone, there)
+    may_be = _possible(tracks, gone, there, is_near)
+    if not may_be.any():  # comparing shapes takes much longer than all of this
+        return []
     # Most drives do not get here, and the import takes a quarter of a second.
     from scipy.optimize import linear_sum_assignment
 
-    alike, ways = _compared(tracks, gone, there)
+    alike = _compared(tracks, gone, there, is_near)
     since = [tracks.objects[row].gone_since for row in gone]
     _leave_out_older(alike, np.array([last.max() if one is None else one for one in since]))
-    _leave_out_others(alike, tracks, gone, there)
-    _leave_out_other_heights(alike, tracks, gone, there)
+    alike[~may_be] = 0
     rows, cols = linear_sum_assignment(np.where(alike > 0, ways, 1e6))
     found = []
     for i, j in zip(rows.tolist(), cols.tolist(), strict=True):
@@ -96,6 +100,14 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
             ids = tracks.objects[gone[i]].id, tracks.objects[there[j]].id
             found.append(Move(*ids, float(alike[i, j] ** 2 / rivals)))
     return found
+
+
+def _may_have_moved(tracks: TrackTable) -> bool:
+    """Return whether any confirmed track may be gone, by what is quickly known of all tracks."""
+    last = np.array([track.buffer.last_seen for track in tracks.objects], np.float64)
+    may_be_gone = (tracks.existence <= GONE) | (last < last.max(initial=-np.inf) - STALE)
+    rows = np.flatnonzero(may_be_gone).tolist()
+    return any(tracks.objects[row].buffer.count >= CONFIRMED for row in rows)
 
 
 def began(buffer: EvidenceBuffer) -> float:
@@ -107,8 +119,8 @@ def began(buffer: EvidenceBuffer) -> float:
     items = buffer.items
     if len(items) < 2 or buffer.count > len(items):
         return buffer.first_seen
-    first, second, last = (items[i].stamp for i in (0, 1, -1))
-    is_alone = second - first > STALE >= last - second
+    second = items[1].stamp
+    is_alone = second - items[0].stamp > STALE >= items[-1].stamp - second
     return second if is_alone else buffer.first_seen
 
 
@@ -126,34 +138,56 @@ def _leave_out_older(alike: NDArray[np.float64], gone_since: NDArray[np.float64]
     alike[since < latest - STALE] = 0
 
 
-def _leave_out_others(
-    alike: NDArray[np.float64], tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
-) -> None:
-    """Set pairs to 0 that cannot be one object: not gone, or no view of the empty new place."""
+def _within_reach(
+    tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
+) -> tuple[BoolArray, NDArray[np.float64]]:
+    """Return which pairs are of one class, near and one after the other; and all distances [m].
+
+    Returns:
+        For each gone track and each new one, shape (N, M) both.
+    """
+    centers = [shapely.centroid(tracks.shapes.geometries(rows)) for rows in (gone, there)]
+    ways = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
+    names = [np.array([tracks.objects[row].name for row in rows]) for rows in (gone, there)]
+    last = np.array([tracks.objects[row].buffer.last_seen for row in gone])
+    first = np.array([began(tracks.objects[row].buffer) for row in there])
+    is_same_class = names[0][:, None] == names[1][None, :]
+    return is_same_class & (first[None, :] > last[:, None]) & (ways <= FARTHEST), ways
+
+
+def _possible(
+    tracks: TrackTable, gone: Sequence[int], there: Sequence[int], is_near: BoolArray
+) -> BoolArray:
+    """Return which pairs `is_near` can be one object, whatever their shapes, shape (N, M).
+
+    The others differ in height, are not gone, or no view shows the new place empty before.
+    """
+    possible = np.zeros_like(is_near)
     views: list[Evidence] | None = None
     for j, row in enumerate(there):
-        for i in np.flatnonzero(alike[:, j]).tolist():
-            if _takes_place_of(tracks, row, gone[i]):
+        was_empty: bool | None = None
+        for i in np.flatnonzero(is_near[:, j]).tolist():
+            if not _may_be_as_high(tracks, gone[i], row):
                 continue
-            views = _views(tracks) if views is None else views
-            if tracks.existence[gone[i]] > GONE or not _was_without(tracks, row, views):
-                alike[i, j] = 0
+            if _takes_place_of(tracks, row, gone[i]):
+                possible[i, j] = True
+            elif tracks.existence[gone[i]] <= GONE and not _known_without_views(tracks, row):
+                views = _views(tracks) if views is None else views
+                was_empty = _was_without(tracks, row, views) if was_empty is None else was_empty
+                possible[i, j] = was_empty
+    return possible
 
 
-def _leave_out_other_heights(
-    alike: NDArray[np.float64], tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
-) -> None:
-    """Set pairs to 0 whose heights differ, if both are on the floor.
+def _may_be_as_high(tracks: TrackTable, one: int, other: int) -> bool:
+    """Return whether two tracks may be of one height; those that are not on the floor may.
 
-    After few observations the top of an object may not have been seen; then pairs stay.
+    After few observations the top of an object may not have been seen.
     """
-    for i, j in np.argwhere(alike > 0).tolist():
-        (low, high), (other_low, other_high) = (
-            tracks.objects[row].buffer.heights() for row in (gone[i], there[j])
-        )
-        is_on_floor = max(low, other_low) <= _ON_FLOOR
-        if is_on_floor and min(high, other_high) < _SAME_HEIGHT * max(high, other_high):
-            alike[i, j] = 0
+    (low, high), (other_low, other_high) = (
+        tracks.objects[row].buffer.heights() for row in (one, other)
+    )
+    is_on_floor = max(low, other_low) <= _ON_FLOOR
+    return not is_on_floor or min(high, other_high) >= _SAME_HEIGHT * max(high, other_high)
 
 
 def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
@@ -227,22 +261,15 @@ def _saw(area: BaseGeometry, items: Sequence[Evidence]) -> bool:
 
 
 def _compared(
-    tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return similarities, 0 for pairs that cannot be one object, and distances [m], (N, M)."""
+    tracks: TrackTable, gone: Sequence[int], there: Sequence[int], is_near: BoolArray
+) -> NDArray[np.float64]:
+    """Return the likeness of each pair `is_near`, 0 for pairs that cannot be one object, (N, M)."""
     shapes = tracks.shapes
-    centers = [shapely.centroid(shapes.geometries(rows)) for rows in (gone, there)]
-    ways = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
-    alike = np.zeros_like(ways)
-    for i, row in enumerate(gone):
-        last_seen = tracks.objects[row].buffer.last_seen
-        for j, other in enumerate(there):
-            is_later = began(tracks.objects[other].buffer) > last_seen
-            is_same_class = tracks.objects[row].name == tracks.objects[other].name
-            if is_later and is_same_class and ways[i, j] <= FARTHEST:
-                value = likeness(shapes.polygons[row].geometry, shapes.polygons[other].geometry)
-                alike[i, j] = value if value >= MAY_BE else 0.0
-    return alike, ways
+    alike = np.zeros(is_near.shape)
+    for i, j in np.argwhere(is_near).tolist():
+        value = likeness(shapes.polygons[gone[i]].geometry, shapes.polygons[there[j]].geometry)
+        alike[i, j] = value if value >= MAY_BE else 0.0
+    return alike
 
 
 def _views(tracks: TrackTable) -> list[Evidence]:
@@ -251,14 +278,32 @@ def _views(tracks: TrackTable) -> list[Evidence]:
     return list({(item.stamp, id(item.visible_area)): item for item in items}.values())
 
 
+def _known_without_views(tracks: TrackTable, row: int) -> list[bool]:
+    """Return a list that is not empty once `_was_without` is known to be false.
+
+    It remains so while the shape is the same: there are no more views from before the track.
+    """
+    known: list[bool] = tracks.shapes.polygons[row].cached(
+        _nothing_known, began(tracks.objects[row].buffer)
+    )
+    return known
+
+
+def _nothing_known(_shape: PreparedPolygon, _begin: float) -> list[bool]:
+    return []
+
+
 def _was_without(tracks: TrackTable, row: int, views: Sequence[Evidence]) -> bool:
     """Return whether the robot saw the place of a track before the track was seen there."""
     begin = began(tracks.objects[row].buffer) - _BEFORE
-    earlier = [view.visible_area for view in views if view.stamp < begin]
-    if not earlier:
-        return False
-    shape, areas = tracks.shapes.polygons[row].geometry, as_objects(earlier)
+    areas = as_objects(view.visible_area for view in views if view.stamp < begin)
+    shape = tracks.shapes.polygons[row].geometry
     if tracks.shapes.heights[row][0] > _ON_FLOOR:
-        return int(np.count_nonzero(shapely.dwithin(areas, shape, _NEAR))) >= _VIEWS
-    shares = shapely.area(shapely.intersection(areas, shape)) / shape.area
-    return int(np.count_nonzero(shares >= _COVERED)) >= _VIEWS
+        is_view = shapely.dwithin(areas, shape, _NEAR)
+    else:
+        areas = areas[shapely.intersects(areas, shape)]  # those of other rooms do not
+        is_view = shapely.area(shapely.intersection(areas, shape)) >= _COVERED * shape.area
+    found = int(np.count_nonzero(is_view)) >= _VIEWS
+    if not found:
+        _known_without_views(tracks, row).append(True)
+    return found

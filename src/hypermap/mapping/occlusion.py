@@ -9,12 +9,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hypermap._loops import inner_loop, loop
 from hypermap.mapping.prepared_polygon import PreparedPolygon
-from hypermap.perception.depth_view import DepthView
+from hypermap.perception.depth_view import NEAREST, DepthView
 
 _AROUND = np.arange(8) / 8  # samples along the contour
 _INWARD = 0.75  # where the samples lie between centroid and contour
-_HEIGHTS = np.array([0.25, 0.5, 0.75])  # of the samples, between lowest and highest point
+_HEIGHTS = (0.25, 0.5, 0.75)  # of the samples, between lowest and highest point
 _FEWEST_RAYS = 10  # that must be able to hit an object; smaller ones cannot be detected
 
 
@@ -35,13 +36,61 @@ class SamplePoints:
 
 def sample_points(shape: PreparedPolygon) -> SamplePoints:
     """Return the sample points of an object, from the convex hull of its shape."""
-    hull = shapely.convex_hull(shape.geometry)
-    ring = shapely.get_exterior_ring(hull)
-    around = shapely.get_coordinates(shapely.line_interpolate_point(ring, _AROUND, normalized=True))
-    center = shapely.get_coordinates(shapely.centroid(hull))
-    xy = np.concatenate([center, center + _INWARD * (around - center)])
+    around, xy = np.empty((8, 2)), np.empty((9, 2))
+    if not (isinstance(shape.geometry, shapely.Polygon) and _sample_hull(shape.edges, around, xy)):
+        hull = shapely.convex_hull(shape.geometry)
+        ring = shapely.get_exterior_ring(hull)
+        places = shapely.line_interpolate_point(ring, _AROUND, normalized=True)
+        around = shapely.get_coordinates(places)
+        xy[:1] = shapely.get_coordinates(shapely.centroid(hull))
+    xy[1:] = xy[0] + _INWARD * (around - xy[0])
     across = np.linalg.norm(around[:4] - around[4:], axis=1)
     return SamplePoints(around, xy, float(across.max()))
+
+
+@loop()
+def _sample_hull(
+    edges: NDArray[np.float64], around: NDArray[np.float64], xy: NDArray[np.float64]
+) -> bool:
+    """Sample a polygon that is a convex hull as GEOS makes it, and return whether it is one.
+
+    Such a hull is clockwise from its lowest corner, without corners on straight lines.
+
+    Args:
+        edges: of the polygon, as `PreparedPolygon.edges`.
+        around: filled with points of its contour [m], shape (8, 2).
+        xy: the first row is filled with its centroid [m].
+    """
+    count = len(edges)
+    if count < 3:
+        return False
+    x0, y0 = edges[0, 0], edges[0, 1]
+    length = area = x = y = 0.0
+    for e in range(count):
+        ax, ay = edges[e, 2] - edges[e, 0], edges[e, 3] - edges[e, 1]
+        after = (e + 1) % count
+        bx, by = edges[after, 2] - edges[after, 0], edges[after, 3] - edges[after, 1]
+        is_lowest = edges[e, 1] > y0 or (edges[e, 1] == y0 and edges[e, 0] >= x0)
+        if not (ax * by - ay * bx < 0 and is_lowest):
+            return False
+        length += np.hypot(ax, ay)
+        cross = (edges[e, 0] - x0) * (edges[e, 3] - y0) - (edges[e, 2] - x0) * (edges[e, 1] - y0)
+        area += cross
+        x += cross * (edges[e, 0] + edges[e, 2] - 2 * x0)
+        y += cross * (edges[e, 1] + edges[e, 3] - 2 * y0)
+    xy[0, 0], xy[0, 1] = x0 + x / (3 * area), y0 + y / (3 * area)
+    e, begin = 0, 0.0
+    for k in range(len(around)):
+        place = length * k / len(around)
+        own = np.hypot(edges[e, 2] - edges[e, 0], edges[e, 3] - edges[e, 1])
+        while place > begin + own and e + 1 < count:
+            begin += own
+            e += 1
+            own = np.hypot(edges[e, 2] - edges[e, 0], edges[e, 3] - edges[e, 1])
+        share = (place - begin) / own
+        around[k, 0] = edges[e, 0] + share * (edges[e, 2] - edges[e, 0])
+        around[k, 1] = edges[e, 1] + share * (edges[e, 3] - edges[e, 1])
+    return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,24 +124,97 @@ def visible_shares(
         heights: lowest and highest point of each object [m], shape (N, 2).
         tolerance: error of the measured surface of an object [m].
     """
-    if not samples:
-        return SeenShares(np.empty(0), np.empty(0), np.empty(0))
-    around = np.array([one.around for one in samples])
-    distances = np.linalg.norm(around - view.position[:2], axis=2)
-    xy = np.array([one.xy for one in samples])
-    z = heights[:, :1] + (heights[:, 1:] - heights[:, :1]) * _HEIGHTS
-    xyz = np.empty((*xy.shape[:2], len(_HEIGHTS), 3))
-    xyz[..., :2] = xy[:, :, np.newaxis]
-    xyz[..., 2] = z[:, np.newaxis]
-    reach = view.reach_towards(xyz.reshape(-1, 3)).reshape(len(samples), -1)
-    # Without a return, the comparisons with NaN are false: not visible.
-    visible = reach >= distances.min(axis=1, keepdims=True) - tolerance
-    through = reach > distances.max(axis=1, keepdims=True) + tolerance
-    own = np.linalg.norm(xy - view.position[:2], axis=2)
-    beyond = reach > np.repeat(own, len(_HEIGHTS), axis=1) + tolerance
-    sizes = np.array([one.width for one in samples]) * (heights[:, 1] - heights[:, 0])
-    K = view.camera.K
-    rays = sizes * K[0, 0] * K[1, 1] / np.maximum(distances.mean(axis=1), 1e-3) ** 2
-    is_large = rays >= _FEWEST_RAYS
-    shares = (found.mean(axis=1) * is_large for found in (visible, through, beyond))
-    return SeenShares(*shares)
+    found = np.empty((3, len(samples)))
+    if samples:
+        _count_seen(
+            view.reach,
+            view.camera.K,
+            view.map_T_camera,
+            np.array([one.around for one in samples]),
+            np.array([one.xy for one in samples]),
+            np.array([one.width for one in samples]),
+            heights,
+            tolerance,
+            found,
+        )
+    return SeenShares(*found)
+
+
+@loop()
+def _count_seen(
+    reach: NDArray[np.float32],
+    K: NDArray[np.float64],
+    map_T_camera: NDArray[np.float64],
+    around: NDArray[np.float64],
+    xy: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    heights: NDArray[np.float64],
+    tolerance: float,
+    found: NDArray[np.float64],
+) -> None:
+    """Find the shares of `visible_shares`.
+
+    Args:
+        reach: of the view, as its `K` and `map_T_camera`.
+        K: likewise.
+        map_T_camera: likewise.
+        around: of the samples of each object, shape (N, 8, 2).
+        xy: likewise, shape (N, 9, 2).
+        widths: likewise, shape (N,).
+        heights: as in `visible_shares`, as `tolerance`.
+        tolerance: likewise.
+        found: filled with the shares, shape (3, N).
+    """
+    T = map_T_camera
+    for i in range(len(widths)):
+        nearest, farthest, mean = np.inf, 0.0, 0.0
+        for k in range(around.shape[1]):
+            far = np.hypot(around[i, k, 0] - T[0, 3], around[i, k, 1] - T[1, 3])
+            nearest, farthest = min(nearest, far), max(farthest, far)
+            mean += far / around.shape[1]
+        size = widths[i] * (heights[i, 1] - heights[i, 0])
+        visible = through = beyond = 0
+        if size * K[0, 0] * K[1, 1] / max(mean, 1e-3) ** 2 >= _FEWEST_RAYS:
+            for k in range(xy.shape[1]):
+                x, y = xy[i, k, 0] - T[0, 3], xy[i, k, 1] - T[1, 3]
+                own = np.hypot(x, y)
+                for share in _HEIGHTS:
+                    z = heights[i, 0] + (heights[i, 1] - heights[i, 0]) * share - T[2, 3]
+                    far = _reach_towards(reach, K, T, x, y, z)
+                    # Without a return, the comparisons with NaN are false: not visible.
+                    visible += far >= nearest - tolerance
+                    through += far > farthest + tolerance
+                    beyond += far > own + tolerance
+        count = xy.shape[1] * len(_HEIGHTS)
+        found[0, i], found[1, i] = visible / count, through / count
+        found[2, i] = beyond / count
+
+
+@inner_loop()
+def _reach_towards(
+    reach: NDArray[np.float32],
+    K: NDArray[np.float64],
+    map_T_camera: NDArray[np.float64],
+    x: float,
+    y: float,
+    z: float,
+) -> float:
+    """Return how far the ray towards a point went, as `DepthView.reach_towards` does.
+
+    Args:
+        reach: of the view, as its `K` and `map_T_camera`.
+        K: likewise.
+        map_T_camera: likewise.
+        x: of the point, from the camera, along the axes of the map [m].
+        y: likewise.
+        z: likewise.
+    """
+    T = map_T_camera
+    ahead = x * T[0, 2] + y * T[1, 2] + z * T[2, 2]
+    if not ahead > NEAREST:
+        return np.nan
+    col = np.rint(K[0, 0] * (x * T[0, 0] + y * T[1, 0] + z * T[2, 0]) / ahead + K[0, 2])
+    row = np.rint(K[1, 1] * (x * T[0, 1] + y * T[1, 1] + z * T[2, 1]) / ahead + K[1, 2])
+    if not (0 <= col < reach.shape[1] and 0 <= row < reach.shape[0]):
+        return np.nan
+    return float(reach[int(row), int(col)])

@@ -119,6 +119,8 @@ class PublishedTracks:
         attributes: dict[str, Any] = {"evidence": buffer.count, "z_min": z_min, "z_max": z_max}
         if track.moved is not None:
             attributes[MOVE] = {"confidence": round(track.moved, 3)}
+            if track.moved_since is not None:  # unknown in files of earlier versions
+                attributes[MOVE]["since"] = track.moved_since
         found = SemanticObject(
             name=track.name,
             footprint=self.footprint(row, shifts),

@@ -31,10 +31,10 @@ _NEAR = 0.3  # [m] up to which a sighting is of an object of that name
 _LEAST_WALL, _LEAST_SIGHTINGS = 4.0, 15  # [m] of walls and number of sightings that can tell
 # Shares of walls, beyond chance, and of sightings. On simulated drives a day apart through six
 # worlds, with errors up to harsh, the walls of one place agreed by 0.44 and more, and the sightings
-# by 0.54 and more, from 16 frames on. Of 120 drives through other places 116 were told, before
-# walls where both know little else stopped counting; the others are through a bare corridor, which
-# looks like many. Of maps of a part of `office` or `apartment`, none refuses a later drive through
-# the rest from 16 frames on.
+# by 0.54 and more, from 16 frames on. Of 120 drives through other places 118 are told
+# (benchmarks/same_place.py); the others are through a bare corridor, which looks like many. Of maps
+# of a part of `office` or `apartment`, none refuses a later drive through the rest from 16 frames
+# on.
 _WALLS_FIT, _WALLS_DIFFER, _WALLS_ALONE_DIFFER = 0.65, 0.55, 0.4
 _OBJECTS_FIT, _OBJECTS_DIFFER = 0.6, 0.5
 _REMEDY = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,16 +38,20 @@ class SeenCells:
             motion: the transform of points from their old to their new places.
             resolution: side of a cell [m].
         """
-        grid = cells_from(self.first, self.is_hit.shape, resolution)
-        world = GridGeometry(width=1, height=1, resolution=resolution)
-        reached = world.cells_at(motion.apply(grid.corners()))
-        first = reached.min(axis=0)
-        there = cells_from(first, tuple(reached.max(axis=0) - first + 1), resolution)
-        is_hit, is_free = np.zeros((2, *there.shape), dtype=bool)
-        to_there = there.to_cells_matrix() @ motion.matrix()
-        before_T_after = grid.to_cells_matrix() @ np.linalg.inv(to_there)
-        _move(self.is_hit, self.is_free, before_T_after, is_hit, is_free)
-        return SeenCells(first, is_hit, is_free)
+        c, s = math.cos(motion.yaw), math.sin(motion.yaw)
+        x, y = motion.x / resolution, motion.y / resolution  # all in cells from here on
+        bottom, left = self.first.tolist()
+        height, width = self.is_hit.shape
+        corners = [(col, row) for col in (left, left + width) for row in (bottom, bottom + height)]
+        cols = [math.floor(c * col - s * row + x) for col, row in corners]
+        rows = [math.floor(s * col + c * row + y) for col, row in corners]
+        new_left, new_bottom = min(cols), min(rows)
+        shape = max(rows) - new_bottom + 1, max(cols) - new_left + 1
+        is_hit, is_free = np.zeros((2, *shape), dtype=bool)
+        from_x, from_y = new_left - x, new_bottom - y
+        begin = c * from_x + s * from_y - left, c * from_y - s * from_x - bottom
+        _move(self.is_hit, self.is_free, (c, s), begin, is_hit, is_free)
+        return SeenCells(np.array([new_bottom, new_left]), is_hit, is_free)
 
 
 def cells_from(first: NDArray[np.int64], shape: tuple[int, ...], resolution: float) -> GridGeometry:
@@ -69,7 +74,8 @@ def cells_from(first: NDArray[np.int64], shape: tuple[int, ...], resolution: flo
 def _move(
     is_hit: BoolArray,
     is_free: BoolArray,
-    before_T_after: NDArray[np.float64],
+    turn: tuple[float, float],
+    begin: tuple[float, float],
     hit_after: BoolArray,
     free_after: BoolArray,
 ) -> None:
@@ -78,18 +84,18 @@ def _move(
     Args:
         is_hit: of the old cells.
         is_free: likewise.
-        before_T_after: maps new (col, row, 1) to old ones, where a cell extends from its index to
-            the next, shape (3, 3).
+        turn: cosine and sine of the rotation from the old cells to the new ones.
+        begin: where the lower left corner of the new cells is among the old ones, (col, row), where
+            a cell extends from its index to the next.
         hit_after: all False; filled.
         free_after: likewise.
     """
     height, width = is_hit.shape
-    m = before_T_after
     for row in range(hit_after.shape[0]):
         for col in range(hit_after.shape[1]):
             x, y = col + 0.5, row + 0.5
-            old_col = int(np.floor(m[0, 0] * x + m[0, 1] * y + m[0, 2]))
-            old_row = int(np.floor(m[1, 0] * x + m[1, 1] * y + m[1, 2]))
+            old_col = int(np.floor(turn[0] * x + turn[1] * y + begin[0]))
+            old_row = int(np.floor(turn[0] * y - turn[1] * x + begin[1]))
             if 0 <= old_row < height and 0 <= old_col < width:
                 hit_after[row, col] = is_hit[old_row, old_col]
                 free_after[row, col] = is_free[old_row, old_col]

@@ -119,6 +119,7 @@ def _facts(tracks: TrackTable) -> dict[str, Any]:
         "names": [track.name for track in tracks.objects],
         "next_id": tracks.next_id,
         "moved": [track.moved for track in tracks.objects],
+        "moved_since": [track.moved_since for track in tracks.objects],
         "gone_since": [track.gone_since for track in tracks.objects],
     }
 
@@ -259,14 +260,17 @@ def _table(
     if (arrays["kept"] < 0).any() or (ends[-1] if ends else 0) != len(items):
         raise ValueError("the observations do not match the tracks")
     columns = (ids, facts["names"], shapes, *(arrays[name].tolist() for name in _COLUMNS))
-    moved, gone_since = (_numbers(ids, facts.get(key, ())) for key in ("moved", "gone_since"))
+    moved, moved_since, gone_since = (
+        _numbers(ids, facts.get(key, ())) for key in ("moved", "moved_since", "gone_since")
+    )
     begin = 0
     for (id_, name, shape, existence, heights, pending, count, times), end in zip(
         zip(*columns, strict=True), ends, strict=True
     ):
         buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, count, *times)
         track = Track(id_, str(name), buffer, co_occurrences[id_], pending)
-        track.moved, track.gone_since = moved.get(id_), gone_since.get(id_)
+        track.moved, track.moved_since = moved.get(id_), moved_since.get(id_)
+        track.gone_since = gone_since.get(id_)
         tracks.add(track, 0, shape, tuple(heights), existence)
         begin = end
     tracks.next_id = max(tracks.next_id, int(facts["next_id"]))

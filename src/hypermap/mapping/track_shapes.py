@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.mapping.columns import Column
 from hypermap.mapping.prepared_polygon import Box, PreparedPolygon
@@ -85,12 +86,9 @@ class TrackShapes:
 
     def near(self, class_: int | None, box: Box) -> Rows:
         """Return the rows whose boxes intersect a box; of one class, or of all with None."""
-        xmin, ymin, xmax, ymax = box
-        left, bottom, right, top = self.boxes.T
-        meets = (left <= xmax) & (bottom <= ymax) & (right >= xmin) & (top >= ymin)
-        if class_ is not None:
-            meets &= self.classes == class_
-        rows: Rows = meets.nonzero()[0].tolist()
+        found = np.empty(len(self), np.int64)
+        count = _meeting(self.boxes, self.classes, -1 if class_ is None else class_, box, found)
+        rows: Rows = found[:count].tolist()
         return rows
 
     def within(self, limits: Box, position: NDArray[np.float64], max_range: float) -> Rows:
@@ -107,3 +105,26 @@ class TrackShapes:
         dx, dy = (left + right) / 2 - position[0], (bottom + top) / 2 - position[1]
         rows: Rows = (is_inside & (np.hypot(dx, dy) <= max_range)).nonzero()[0].tolist()
         return rows
+
+
+@loop()
+def _meeting(
+    boxes: NDArray[np.float64], classes: IntArray, class_: int, box: Box, found: IntArray
+) -> int:
+    """Find the boxes of a class that meet another box, and return how many there are.
+
+    Args:
+        boxes: as `TrackShapes.boxes`.
+        classes: as `TrackShapes.classes`.
+        class_: the number of a class; -1 for all.
+        box: xmin, ymin, xmax, ymax [m].
+        found: filled with their rows, shape (N,).
+    """
+    count = 0
+    for row in range(len(boxes)):
+        meets = boxes[row, 0] <= box[2] and boxes[row, 1] <= box[3]
+        meets = meets and boxes[row, 2] >= box[0] and boxes[row, 3] >= box[1]
+        if meets and (class_ < 0 or classes[row] == class_):
+            found[count] = row
+            count += 1
+    return count

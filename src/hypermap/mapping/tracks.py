@@ -33,6 +33,7 @@ class Track:
         by_hand: edits made by hand; None for none.
         moved: confidence that its object was at another place before, 0..1; None if it was not
             moved.
+        moved_since: stamp of the first observation at its present place [s]; None likewise.
         gone_since: stamp of the frame since which it is surely gone [s]; None if it is not.
     """
 
@@ -43,6 +44,7 @@ class Track:
     pending: int = 0
     by_hand: HandEdit | None = None
     moved: float | None = None
+    moved_since: float | None = None
     gone_since: float | None = None
 
     def copy(self) -> Track:
@@ -55,6 +57,7 @@ class Track:
             self.pending,
             self.by_hand,
             self.moved,
+            self.moved_since,
             self.gone_since,
         )
 

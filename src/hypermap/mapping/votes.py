@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
-from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry
-from hypermap.mapping.evidence_buffer import EvidenceBuffer
-from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.mapping.evidence_buffer import NEAR, Evidence, EvidenceBuffer
 from hypermap.mapping.stages import EvidenceConfig
 
 _MAX_CELLS_PER_SIDE = 128
@@ -40,35 +39,32 @@ def agreed_points(
     Returns:
         Points in the map frame [m], shape (M, 2); M is 0 if no cell belongs to the object.
     """
-    scores = np.array([evidence.score for evidence in buffer.items], dtype=np.float64)
+    items = buffer.items
+    scores = np.array([evidence.score for evidence in items], dtype=np.float64)
     if not scores.any():
-        scores = np.ones(len(buffer))
+        scores = np.ones(len(items))
     if config.half_weight < np.inf:
-        distances = np.array([evidence.distance for evidence in buffer.items])
+        distances = np.array([evidence.distance for evidence in items])
         scores /= 1 + (distances / config.half_weight) ** 2
-    footprints = [evidence.prepared for evidence in buffer.items]
-    areas_seen = [evidence.prepared_area for evidence in buffer.items]
-    moves = np.zeros((len(buffer), 2)) if shifts is None else shifts
+    footprints = [evidence.prepared for evidence in items]
+    moves = np.zeros((len(items), 2)) if shifts is None else shifts
     if config.align > 0:
         areas = np.array([polygon.area for polygon in footprints])
         moves = moves + aligning_moves(areas, buffer.centroids + moves, scores, config.align)
 
-    edges, first = _joined(footprints)
     boxes = np.array([polygon.box for polygon in footprints])
     low, high = np.fmin.reduce(boxes[:, :2] + moves), np.fmax.reduce(boxes[:, 2:] + moves)
-    grid = _voting_grid((*low, *high), config.vote_resolution)
+    grid = _voting_grid((*low.tolist(), *high.tolist()), config.vote_resolution)
     to_cells = grid.to_cells_matrix()
     in_favor, cast = np.zeros((2, grid.height, grid.width + 1))
-    _add_steps(edges, first, scores, moves, to_cells, in_favor)
-    edges, first = _joined(areas_seen)
+    _add_steps(*_joined([shape.edges for shape in footprints]), scores, moves, to_cells, in_favor)
+    edges, first = _joined(_edges_of_areas(items, boxes, grid))
     _add_steps(edges, first, scores, np.zeros(moves.shape), to_cells, cast)
-    unbounded_votes = scores[first[1:] == first[:-1]].sum()
+    is_unbounded = [len(evidence.prepared_area.edges) == 0 for evidence in items]
+    unbounded_votes = scores[is_unbounded].sum() if any(is_unbounded) else 0.0
     found = np.empty((3, grid.height), np.int64)
     count = _choose(in_favor, cast, unbounded_votes, config.vote_share, *found)
-    rows, left, right = found[:, :count]
-    corner_rows = np.concatenate([rows - 0.5, rows + 0.5, rows - 0.5, rows + 0.5])
-    corner_cols = np.concatenate([left - 0.5, left - 0.5, right + 0.5, right + 0.5])
-    return grid.centers(corner_rows, corner_cols)
+    return grid.corners(*found[:, :count])
 
 
 def aligning_moves(
@@ -91,15 +87,50 @@ def aligning_moves(
     Returns:
         Translations [m], shape (N, 2).
     """
-    is_part = ~shows_whole(areas)
     moves = np.empty(centroids.shape)
-    for axis, order in enumerate(np.argsort(centroids, axis=0, kind="stable").T):
-        whole = order[~is_part[order]]
-        totals = np.cumsum(weights[whole])
-        median = centroids[whole[np.searchsorted(totals, totals[-1] / 2)], axis]
-        moves[:, axis] = median - centroids[:, axis]
-    moves[is_part | (np.hypot(moves[:, 0], moves[:, 1]) > limit)] = 0
+    order = np.argsort(centroids, axis=0, kind="stable")
+    _fill_moves(order, shows_whole(areas), centroids, weights, limit, moves)
     return moves
+
+
+@loop()
+def _fill_moves(
+    order: IntArray,
+    is_whole: BoolArray,
+    centroids: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    limit: float,
+    moves: NDArray[np.float64],
+) -> None:
+    """Find the translations of `aligning_moves`.
+
+    Args:
+        order: of the centroids by x and by y, shape (N, 2).
+        is_whole: which footprints show about the whole object, at least one, shape (N,).
+        centroids: as in `aligning_moves`, and so on.
+        weights: likewise.
+        limit: likewise.
+        moves: filled, shape (N, 2).
+    """
+    count = len(weights)
+    for axis in range(2):
+        total = 0.0
+        for k in range(count):
+            if is_whole[order[k, axis]]:
+                total += weights[order[k, axis]]
+        so_far, median = 0.0, 0.0
+        for k in range(count):
+            i = order[k, axis]
+            if is_whole[i]:
+                so_far += weights[i]
+                median = centroids[i, axis]
+                if so_far >= total / 2:
+                    break
+        for i in range(count):
+            moves[i, axis] = median - centroids[i, axis]
+    for i in range(count):
+        if not is_whole[i] or np.hypot(moves[i, 0], moves[i, 1]) > limit:
+            moves[i, 0] = moves[i, 1] = 0.0
 
 
 def shows_whole(areas: NDArray[np.float64]) -> BoolArray:
@@ -111,23 +142,72 @@ def shows_whole(areas: NDArray[np.float64]) -> BoolArray:
     return np.asarray(areas >= _WHOLE * (ranked[below] * (1 - share) + ranked[above] * share))
 
 
-def _joined(polygons: Sequence[PreparedPolygon]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the edges of all N polygons, shape (E, 5), and the offsets of each, (N + 1,)."""
-    first = np.zeros(len(polygons) + 1, dtype=np.int64)
-    np.cumsum([len(polygon.edges) for polygon in polygons], out=first[1:])
-    return np.concatenate([polygon.edges for polygon in polygons]), first
+def _joined(
+    edges: Sequence[NDArray[np.float64]],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the edges of N polygons, shape (E, 5), and the offsets of each, shape (N + 1,)."""
+    first = np.zeros(len(edges) + 1, dtype=np.int64)
+    np.cumsum([len(each) for each in edges], out=first[1:])
+    return np.concatenate(edges), first
 
 
-def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> GridGeometry:
+def _edges_of_areas(
+    items: Sequence[Evidence], boxes: NDArray[np.float64], grid: _VotingGrid
+) -> list[NDArray[np.float64]]:
+    """Return those edges of the visible areas of some evidence that matter for the votes.
+
+    Args:
+        items: the evidence.
+        boxes: of their footprints [m], shape (N, 4).
+        grid: on which they vote.
+    """
+    right = grid.left + grid.width * grid.resolution
+    top = grid.bottom + grid.height * grid.resolution
+    is_near = (boxes[:, 1] - NEAR <= grid.bottom) & (boxes[:, 3] + NEAR >= top)
+    is_near &= boxes[:, 2] + NEAR >= right
+    return [
+        evidence.near_edges if near else evidence.prepared_area.edges
+        for evidence, near in zip(items, is_near.tolist(), strict=True)
+    ]
+
+
+class _VotingGrid(NamedTuple):
+    """Cells of the floor, whose lengths are in meters."""
+
+    left: float
+    bottom: float
+    width: int
+    height: int
+    resolution: float
+
+    def to_cells_matrix(self) -> NDArray[np.float64]:
+        """Return the same as that of `GridGeometry`, shape (3, 3)."""
+        scale = 1 / self.resolution
+        return np.array(
+            [[scale, 0, -self.left * scale], [0, scale, -self.bottom * scale], [0, 0, 1.0]]
+        )
+
+    def corners(self, rows: IntArray, left: IntArray, right: IntArray) -> NDArray[np.float64]:
+        """Return the corners of the first and the last cells of N rows [m], shape (4 N, 2)."""
+        points = np.empty((2, 2, len(rows), 2))
+        for side, cols in enumerate((left, right + 1)):
+            points[side, :, :, 0] = cols * self.resolution + self.left
+        for end in (0, 1):
+            points[:, end, :, 1] = (rows + end) * self.resolution + self.bottom
+        return points.reshape(-1, 2)
+
+
+def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> _VotingGrid:
     """Return a grid over a box, aligned to its resolution and of bounded size."""
     xmin, ymin, xmax, ymax = box
     resolution = max(resolution, max(xmax - xmin, ymax - ymin) / _MAX_CELLS_PER_SIDE)
-    left, bottom = np.floor(xmin / resolution), np.floor(ymin / resolution)
-    return GridGeometry(
-        width=int(np.floor(xmax / resolution) - left) + 1,
-        height=int(np.floor(ymax / resolution) - bottom) + 1,
+    left, bottom = math.floor(xmin / resolution), math.floor(ymin / resolution)
+    return _VotingGrid(
+        left=left * resolution,
+        bottom=bottom * resolution,
+        width=math.floor(xmax / resolution) - left + 1,
+        height=math.floor(ymax / resolution) - bottom + 1,
         resolution=resolution,
-        origin=Pose2D(float(left * resolution), float(bottom * resolution)),
     )
 
 

@@ -14,10 +14,12 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import FloatArray, IntArray
 from hypermap.perception.frame import Camera, RgbdFrame
 
+NEAREST = 0.05
+"""Closer points are next to the camera, not in front of it [m]."""
+
 _STEP = 4  # every n-th row and column of the depth image
 _STEEP = 0.87  # sine of 60 degrees
 _SAME_WAY = 1e-9  # columns within this angle all look the same way [rad]
-_NEAREST = 0.05  # closer points are next to the camera, not in front of it [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ class DepthView:
         """
         points = (points_xyz - self.position) @ self.map_T_camera[:3, :3]
         K, (height, width) = self.camera.K, self.reach.shape
-        ahead = points[:, 2] > _NEAREST
+        ahead = points[:, 2] > NEAREST
         z = np.where(ahead, points[:, 2], 1.0)
         columns = np.rint(K[0, 0] * points[:, 0] / z + K[0, 2])
         rows = np.rint(K[1, 1] * points[:, 1] / z + K[1, 2])

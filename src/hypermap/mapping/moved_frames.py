@@ -1,0 +1,82 @@
+"""Logged frames as if taken from other poses, many at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import ObjectArray, as_objects
+from hypermap.core.frames import Pose2D
+from hypermap.mapping.frame_log import LoggedFrame, floor_motion
+from hypermap.perception.depth_view import DepthView
+from hypermap.perception.observation import Observation, ObservedObject
+
+
+def moved_frames(
+    frames: Sequence[LoggedFrame], poses: Sequence[NDArray[np.float64]], resolution: float
+) -> list[LoggedFrame]:
+    """Return frames as if taken from other poses, whose roll and pitch are ignored.
+
+    Args:
+        frames: as they were mapped.
+        poses: new `map_T_camera` of each, shape (4, 4).
+        resolution: side of a cell [m].
+    """
+    pairs = zip(frames, poses, strict=True)
+    ways = [floor_motion(frame.observation.map_T_camera, pose) for frame, pose in pairs]
+    motions = [motion for motion, _ in ways]
+    shapes = iter(_moved_shapes(frames, motions).tolist())
+    return [
+        LoggedFrame(
+            _moved(frame.observation, motion, lift, shapes),
+            None if frame.seen is None else frame.seen.moved(motion, resolution),
+            frame.finds_objects,
+        )
+        for frame, (motion, lift) in zip(frames, ways, strict=True)
+    ]
+
+
+def _moved_shapes(frames: Sequence[LoggedFrame], motions: Sequence[Pose2D]) -> ObjectArray:
+    """Return the moved visible area of each frame, and then its footprints, in one array."""
+    observations = [frame.observation for frame in frames]
+    shapes = as_objects(
+        shape
+        for each in observations
+        for shape in (each.visible_area, *(one.footprint for one in each.objects))
+    )
+    points, shape_of_point = shapely.get_coordinates(shapes, return_index=True)
+    frame_of_shape = np.repeat(
+        np.arange(len(frames)), [1 + len(each.objects) for each in observations]
+    )
+    matrices = np.array([motion.matrix()[:2] for motion in motions])
+    m = matrices[frame_of_shape[shape_of_point]]
+    x, y = points.T
+    moved = np.column_stack([m[:, 0, 0] * x + m[:, 0, 1] * y + m[:, 0, 2],
+                             m[:, 1, 0] * x + m[:, 1, 1] * y + m[:, 1, 2]])  # fmt: skip
+    return np.asarray(shapely.set_coordinates(shapes, moved))
+
+
+def _moved(
+    before: Observation, motion: Pose2D, lift: float, shapes: Iterator[shapely.Polygon]
+) -> Observation:
+    """Return an observation after a motion over the floor, with its next shapes."""
+    pose = _in_space(motion, lift) @ before.map_T_camera
+    area = next(shapes)
+    objects = tuple(
+        ObservedObject(one.name, one.score, next(shapes), one.z_min + lift, one.z_max + lift)
+        for one in before.objects
+    )
+    view = before.view
+    if view is not None:
+        view = DepthView(view.camera, pose, view.reach, view.max_range)
+    return Observation(before.stamp, pose, objects, area, view)
+
+
+def _in_space(motion: Pose2D, lift: float) -> NDArray[np.float64]:
+    matrix = np.eye(4)
+    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = motion.matrix()
+    matrix[2, 3] = lift
+    return matrix
