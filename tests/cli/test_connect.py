@@ -50,6 +50,16 @@ def test_a_path_leads_over_a_lift_both_ways(hypermap, maps):
     assert back["connectors"] == [{"kind": "lift", "name": "lift A", "length": 5.0}]
 
 
+def test_a_copy_in_another_folder_leads_to_the_same_maps(hypermap, maps, tmp_path):
+    ground, upper = maps
+    assert hypermap("connect", ground, "-4,1", upper, "-4,3", "--called", "lift A").code == 0
+    (tmp_path / "copies" / "new").mkdir(parents=True)
+    copy = tmp_path / "copies" / "new" / "hall.hmap"
+    assert hypermap("convert", ground, copy).code == 0
+    assert "lift A leads to ../../above/upper.hmap\n" in hypermap("info", copy).out
+    assert hypermap("path", copy, "-1,1", "-1,3", "--goal-map", upper).code == 0
+
+
 def test_a_map_that_is_gone_is_named_with_what_led_there(hypermap, maps):
     ground, upper = maps
     assert hypermap("connect", ground, "1,1", upper, "1,1", "--kind", "stairs").code == 0

@@ -8,6 +8,7 @@ import pytest
 import shapely
 
 from hypermap.core.semantic import SemanticObject
+from hypermap.history.differences import is_said_to_have_moved
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.stages import EvidenceConfig
@@ -55,7 +56,19 @@ def test_an_object_that_was_moved_keeps_its_id_and_says_how_surely() -> None:
     chair = only(after_a_move())
     assert (chair.id, chair.first_seen, chair.last_seen) == (0, 0.0, DAY + 59)
     assert chair.footprint.intersection(square(3)).area == pytest.approx(1, abs=0.1)
-    assert chair.attributes["moved"] == {"confidence": pytest.approx(1.0, abs=0.1)}
+    assert chair.attributes["moved"] == {"confidence": pytest.approx(1.0, abs=0.1), "since": DAY}
+
+
+def test_a_second_move_that_is_as_sure_is_another_one() -> None:
+    evidence = after_a_move()
+    first = only(evidence)
+    for second in range(80):
+        evidence.update(seen(square(-3), stamp=2 * DAY + second))
+    again = only(evidence)
+    assert again.id == first.id
+    assert again.attributes["moved"]["confidence"] == first.attributes["moved"]["confidence"]
+    assert is_said_to_have_moved(first, again)
+    assert not is_said_to_have_moved(again, only(evidence))
 
 
 @pytest.mark.parametrize(

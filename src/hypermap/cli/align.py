@@ -10,6 +10,7 @@ import typer
 
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say, say_json
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def command(
     from hypermap.alignment import align, bend_of, in_frame_of
     from hypermap.core.errors import HypermapError
     from hypermap.core.history import MAP_ID
-    from hypermap.formats import open_map, save_map
+    from hypermap.formats import open_map
     from hypermap.formats.backup import ALIGNED_TO, keep_backup
     from hypermap.mapping.bent_map import bent_onto
     from hypermap.questions.asking import parse_pose
@@ -113,7 +114,7 @@ def command(
             if MAP_ID in first.metadata:
                 moved.metadata[ALIGNED_TO] = first.metadata[MAP_ID]
         backup = keep_backup(output, spare_edited=True)
-        save_map(moved, output)
+        save_from(moved, other, output)
     _tell(found, bend, first.base_frame, as_json)
     if backup is not None:
         note(f"the previous map is kept as {backup}")

@@ -13,6 +13,7 @@ from hypermap.cli.mask_options import Keepout, MaskResolution, Speed, save_mask
 from hypermap.cli.options import Force, check_output
 from hypermap.cli.robot_options import InflationRadius, RobotRadius
 from hypermap.cli.route_options import AsRouteGraph, save_route_graph
+from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted
@@ -107,7 +108,6 @@ def command(
         hypermap convert objects.geojson objects.hmap --frame map
         hypermap convert lab.hmap lab.rrd
     """
-    from hypermap.formats import save_map
     from hypermap.formats.any_file import open_any
 
     hypermap = _chosen(open_any(source, frame_id), layers)
@@ -122,7 +122,7 @@ def command(
         save_mask(hypermap, target, keepout or [], speed or [], mask_resolution, force)
     elif target.suffix.lower() == ".hmap":
         check_output(target, force)
-        save_map(hypermap, target, semantic.value)
+        save_from(hypermap, source, target, semantic.value)
     elif target.suffix.lower() == ".csv" and _has_values_alone(hypermap):
         _save_values(hypermap, target, force)
     elif target.suffix.lower() in _OBJECTS:
@@ -136,7 +136,7 @@ def command(
     elif target.suffix.lower() in _LOGS:
         _save_log(hypermap, source, target, force)
     elif target.suffix == "" or target.is_dir():
-        _save_folder(hypermap, target, semantic.value, force)
+        _save_folder(hypermap, source, target, semantic.value, force)
     else:
         raise HypermapError(
             f"{target}: unknown file extension {target.suffix!r}; known: .hmap, .geojson, "
@@ -153,16 +153,16 @@ def _chosen(hypermap: Hypermap, names: list[str] | None) -> Hypermap:
     return hypermap.with_layers(layers)
 
 
-def _save_folder(hypermap: Hypermap, target: Path, semantic: SemanticForm, force: bool) -> None:
-    from hypermap.formats import save_map
-
+def _save_folder(
+    hypermap: Hypermap, source: Path, target: Path, semantic: SemanticForm, force: bool
+) -> None:
     if target.exists() and not target.is_dir():
         raise HypermapError(f"{target}: this is a file; a name without an ending means a folder")
     if target.is_dir() and any(target.iterdir()) and not force:
         raise HypermapError(f"{target}: the folder is not empty; give --force to write into it")
     target.mkdir(parents=True, exist_ok=True)
     try:
-        save_map(hypermap, target / "hmap_config.yaml", semantic)
+        save_from(hypermap, source, target / "hmap_config.yaml", semantic)
     except HypermapError:
         with contextlib.suppress(OSError):  # it was there before, and holds something
             target.rmdir()

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hypermap.cli.onto import is_same_file
+from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note
 from hypermap.text import counted, printable
 
@@ -19,13 +20,12 @@ if TYPE_CHECKING:
 
 def save_result(hypermap: Hypermap, output: Path, evidence: bool, onto: Path | None) -> None:
     """Save the map, without its evidence if the user drops it, and keep what it replaces."""
-    from hypermap.formats import save_map
     from hypermap.formats.backup import keep_backup
 
     if not evidence:
         _drop_evidence(hypermap)
     backup = keep_backup(output, spare_edited=True)
-    save_map(hypermap, output)
+    save_from(hypermap, onto, output)
     if backup is not None:
         note(f"the previous map is kept as {backup}" + _hint_onto(backup, output, onto))
 

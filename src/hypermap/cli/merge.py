@@ -11,6 +11,7 @@ import typer
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.onto import is_same_file, named
 from hypermap.cli.options import AsJson, ForceMap, MapPath, check_map_output
+from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.two_maps import SameFrame, pose_on
 from hypermap.core.errors import FrameError, HypermapError
@@ -66,7 +67,7 @@ def command(
         hypermap merge robot1.hmap robot2.hmap robot3.hmap -o floor.hmap
         hypermap merge monday.hmap tuesday.hmap --initial 2,-1,90 -o week.hmap
     """
-    from hypermap.formats import open_map, save_map
+    from hypermap.formats import open_map
     from hypermap.formats.backup import keep_backup
     from hypermap.questions.asking import parse_pose
 
@@ -87,7 +88,7 @@ def command(
         if not as_json:
             _show(merged, pose, other)
     backup = keep_backup(output, spare_edited=True)
-    save_map(hypermap, output)
+    save_from(hypermap, path, output)
     if backup is not None:
         note(f"the previous map is kept as {backup}")
     if as_json:

@@ -13,6 +13,7 @@ from hypermap.cli.asked_note import AskedNote
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.notes_shown import list_notes, show_note
 from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say_json
 from hypermap.console.options import AN_AREA
 from hypermap.core.errors import HypermapError
@@ -356,7 +357,6 @@ def _found(
 
 
 def _save(hypermap: Hypermap, path: Path, output: Path | None) -> None:
-    from hypermap.formats import save_map
     from hypermap.formats.backup import save_edited
 
     if output is None and path.suffix.lower() != ".hmap":
@@ -366,7 +366,7 @@ def _save(hypermap: Hypermap, path: Path, output: Path | None) -> None:
     elif output.suffix.lower() != ".hmap":
         raise HypermapError(f"{output}: a map with notes is saved as .hmap")
     else:
-        save_map(hypermap, output)
+        save_from(hypermap, path, output)
     note(f"saved {output or path}")
 
 

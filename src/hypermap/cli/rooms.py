@@ -9,6 +9,7 @@ import typer
 
 from hypermap.cli.options import AsJson, Force, MapPath, check_output
 from hypermap.cli.robot_options import OccupancyName, RobotRadius
+from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted, printable
@@ -73,7 +74,7 @@ def command(
         hypermap rooms office.hmap --robot-radius 0.4
         hypermap rooms office.hmap --widest-door 1.5 --least-area 3 --json
     """
-    from hypermap.formats import open_map, save_map
+    from hypermap.formats import open_map
     from hypermap.rooms import RoomSettings, graph, load_kinds, rooms_of_map, with_rooms
 
     if output is not None:
@@ -94,7 +95,7 @@ def command(
     else:
         _show(rooms, passing, robot_radius)
     if output is not None:
-        save_map(with_rooms(hypermap, rooms), output)
+        save_from(with_rooms(hypermap, rooms), path, output)
         note(f"saved {output}")
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hypermap.cli.options import AsJson, Force, check_output
+from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.value_sources import check_sources, joined, read, read_layer
 from hypermap.core.errors import FileMissing, HypermapError
@@ -243,7 +244,7 @@ def command(
         hypermap values warm.hmap --poses corrected.txt -o moved.hmap
     """
     from hypermap.core.hypermap import Hypermap
-    from hypermap.formats import open_map, save_map
+    from hypermap.formats import open_map
     from hypermap.values.on_map import with_value_layer
 
     if source is not None and table is None and source.suffix.lower() == ".csv":
@@ -273,7 +274,7 @@ def command(
         measured = joined(hypermap, name, add, frame, measured, sample_unit, unit)
     layer = _layer(name, measured, walls, frame, method, settings, resolution, half_life)
     left_out = _left_out(measured, layer)
-    save_map(with_value_layer(hypermap, layer), output)
+    save_from(with_value_layer(hypermap, layer), onto, output)
     if as_json:
         say_json(_describe(layer, left_out))
     else:

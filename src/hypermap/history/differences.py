@@ -25,8 +25,8 @@ from hypermap.history.expiry import expiry_of
 from hypermap.history.likeness import MIN_MOVED, SAME_SHAPE, distance_between, likeness
 
 MOVE = "moved"
-"""The attribute in which mapping says of an object that it was moved, and how likely it is that
-one: `confidence`, 0..1."""
+"""The attribute in which mapping says of an object that it was moved: how likely it is that one,
+`confidence`, 0..1, and the stamp from which on it was seen at its new place, `since` [s]."""
 
 _MEASURED = {"evidence", "z_min", "z_max", "by_hand", MOVE}  # attributes that mapping writes
 _TOLERANCE = 1e-6  # meters between points that are the same

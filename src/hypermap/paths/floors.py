@@ -88,20 +88,29 @@ def with_connector(hypermap: Hypermap, connector: Connector) -> Hypermap:
         HypermapError: If the map's connectors cannot be read.
     """
     kept = [other for other in connectors_on(hypermap) if not _is_same(other, connector)]
-    entries = [
-        {
-            "kind": each.kind,
-            "name": each.name,
-            "at": list(map(float, each.at_xy)),
-            "to": each.to,
-            "there": list(map(float, each.there_xy)),
-            "length": float(each.length),
-        }
-        for each in [*kept, connector]
-    ]
     other = hypermap.with_layers(hypermap)
-    other.metadata[CONNECTORS] = entries
+    other.metadata[CONNECTORS] = [_entry(each) for each in [*kept, connector]]
     return other
+
+
+def relink(hypermap: Hypermap, source: str | pathlib.Path, target: str | pathlib.Path) -> None:
+    """Let the lifts and stairs of a map lead to the same files when it is saved in another folder.
+
+    Args:
+        hypermap: the map; its metadata change.
+        source: the file that it was read from.
+        target: the file that it will be saved to.
+
+    Raises:
+        HypermapError: If the map's connectors cannot be read.
+    """
+    before, after = (os.path.realpath(pathlib.Path(file).parent) for file in (source, target))
+    if before == after or not (connectors := connectors_on(hypermap)):
+        return
+    hypermap.metadata[CONNECTORS] = [
+        _entry(each) | {"to": os.path.relpath(pathlib.Path(before) / each.to, after)}
+        for each in connectors
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,6 +312,18 @@ def _is_same(one: Connector, other: Connector) -> bool:
     if one.to != other.to:
         return False
     return one.name == other.name if other.name else one.at_xy == other.at_xy
+
+
+def _entry(connector: Connector) -> dict[str, Any]:
+    """Return the entry of the metadata that describes a connector."""
+    return {
+        "kind": connector.kind,
+        "name": connector.name,
+        "at": list(map(float, connector.at_xy)),
+        "to": connector.to,
+        "there": list(map(float, connector.there_xy)),
+        "length": float(connector.length),
+    }
 
 
 def _connector(entry: Any, number: int) -> Connector:

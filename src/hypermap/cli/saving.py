@@ -1,0 +1,38 @@
+"""Saves a map in another place than it was read from."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.formats.semantic.yaml_files import SemanticForm
+
+
+def save_from(
+    hypermap: Hypermap, source: Path | None, output: Path, semantic: SemanticForm = "auto"
+) -> None:
+    """Save a map so that its lifts and stairs lead to the same files as those of its source.
+
+    Args:
+        hypermap: the map; its metadata may change.
+        source: the file that its metadata are from; None for a new map.
+        output: the file to save to.
+        semantic: as in `save_map`.
+
+    Raises:
+        HypermapError: If it cannot be saved.
+    """
+    from hypermap.formats import save_map
+
+    has_links = bool(hypermap.metadata.get("connectors"))  # else, save the time of the import
+    if has_links and source is not None and source.exists():  # not the address of a site
+        from hypermap.paths.floors import relink
+
+        with contextlib.suppress(HypermapError):  # unreadable ones stay as they are
+            relink(hypermap, source, output)
+    save_map(hypermap, output, semantic)
