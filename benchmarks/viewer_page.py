@@ -93,12 +93,13 @@ def large_map(cells: int, objects: int) -> Hypermap:
 
 def main() -> None:
     """Run the benchmark."""
+    installed = shutil.which("chromium-headless-shell") or shutil.which("chromium")
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--objects", type=int, default=100_000)
     parser.add_argument("--cells", type=int, default=4000)
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=5.0)
-    parser.add_argument("--chromium", default=shutil.which("chromium"))
+    parser.add_argument("--chromium", default=installed)
     parser.add_argument("--map", type=Path, help="this map in place of a new one")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -243,7 +243,11 @@ def drawn(display: str) -> Image.Image:
 
 def take_in_browser(wanted: Sequence[str], folder: Path) -> None:
     """Take the pictures of a run and of the page, of one demo."""
-    chromium = os.environ.get("HYPERMAP_CHROMIUM") or shutil.which("chromium")
+    chromium = (
+        os.environ.get("HYPERMAP_CHROMIUM")
+        or shutil.which("chromium-headless-shell")
+        or shutil.which("chromium")
+    )
     if chromium is None:
         raise SystemExit("Chromium is not installed: scripts/chromium.sh")
     with running_demo() as demo, sync_playwright() as playwright:

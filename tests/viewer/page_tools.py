@@ -45,7 +45,11 @@ ARGUMENTS = [
 
 def chromium() -> str:
     """Return the browser's path, or skip the test with a reason."""
-    found = os.environ.get("HYPERMAP_CHROMIUM") or shutil.which("chromium")
+    found = (
+        os.environ.get("HYPERMAP_CHROMIUM")
+        or shutil.which("chromium-headless-shell")
+        or shutil.which("chromium")
+    )
     if found is None:
         pytest.skip("Chromium is not here (on Debian, as root: make chromium)")
     if not (PAGE_FOLDER / "app.js").is_file():
