@@ -42,7 +42,7 @@ SET = {
     "LANG": "C.UTF-8",
     # Local time is never UTC, so that a test shows who takes one for the other. Needs no tzdata.
     "TZ": "IST-5:30",
-    # The workers keep all cores busy; threads of linear algebra would wait for each other, spinning.
+    # The workers keep all cores busy; threads of linear algebra would spin, waiting for a core.
     "OPENBLAS_NUM_THREADS": "1",
 }
 
