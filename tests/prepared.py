@@ -40,6 +40,9 @@ class Command:
         stdin: what it reads, if that is a pipe; likewise `stdout` and `stderr`.
         returncode: the exit code, or the negative number of the signal that ended it; None until
             that is known.
+
+    Args:
+        packages: what the process that is copied has imported: all their modules.
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class Command:
         cwd: str | Path | None = None,
         env: Mapping[str, str] | None = None,
         start_new_session: bool = False,
+        packages: tuple[str, ...] = ("hypermap",),
     ) -> None:
         self.args = list(map(str, words))
         self.returncode: int | None = None
@@ -69,7 +73,7 @@ class Command:
             self._status, status = socket.socketpair()
             theirs.callback(status.close)
             files = [status.fileno(), read, write, other]
-            self.pid = _started(json.dumps(job).encode(), files, self._status)
+            self.pid = _started(json.dumps(job).encode(), files, self._status, packages)
 
     def poll(self) -> int | None:
         """Return the exit code; None while it runs."""
@@ -178,14 +182,14 @@ def _end(
     return (given if isinstance(given, int) else given.fileno()), None
 
 
-def _started(job: bytes, files: list[int], status: socket.socket) -> int:
+def _started(job: bytes, files: list[int], status: socket.socket, packages: tuple[str, ...]) -> int:
     """Ask the original for a copy, and return which process that is.
 
     Where somebody has killed the original, as one who ends all that is called `hypermap` does,
     another one is asked.
     """
     for _ in range(3):
-        channel = _original()
+        channel = _original(packages)
         with contextlib.suppress(ConnectionError):
             socket.send_fds(channel, [job], files)
             select.select([status, channel], [], [])
@@ -196,12 +200,15 @@ def _started(job: bytes, files: list[int], status: socket.socket) -> int:
 
 
 @functools.cache
-def _original() -> socket.socket:
-    """Return the channel to the process of which commands are copies, started when first needed."""
+def _original(packages: tuple[str, ...]) -> socket.socket:
+    """Return the channel to the process of which commands are copies, started when first needed.
+
+    It has imported all modules of these packages.
+    """
     ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with its:
         process = subprocess.Popen(
-            [sys.executable, "-X", "faulthandler", str(_PROGRAM), str(its.fileno())],
+            [sys.executable, "-X", "faulthandler", str(_PROGRAM), str(its.fileno()), *packages],
             pass_fds=[its.fileno()],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

@@ -19,22 +19,23 @@ import sys
 import tempfile
 from typing import Any
 
-import hypermap
-
 # These need ROS, or start threads.
 APART = ("hypermap.ros.ros1", "hypermap.ros.ros2", "hypermap.ros.rviz", "hypermap.viewer.logs")
 
 
-def import_all() -> None:
-    """Import the program's modules.
+def import_all(packages: list[str]) -> None:
+    """Import the modules of packages.
 
     Not all can be: some need libraries that are not here, or a program around them. A command that
     does not find a module here imports it itself.
     """
-    for module in pkgutil.walk_packages(hypermap.__path__, "hypermap."):
-        if not module.name.startswith((*APART, "hypermap.__main__")):
-            with contextlib.suppress(Exception):
-                importlib.import_module(module.name)
+    for package in packages:
+        for module in pkgutil.walk_packages(
+            importlib.import_module(package).__path__, f"{package}."
+        ):
+            if not module.name.startswith((*APART, "hypermap.__main__")):
+                with contextlib.suppress(Exception):
+                    importlib.import_module(module.name)
 
 
 def next_job(channel: socket.socket) -> dict[str, Any]:
@@ -78,7 +79,7 @@ def report_start_and_end(status: int, streams: list[int], *, is_session: bool) -
 
 
 if __name__ == "__main__":
-    import_all()
+    import_all(sys.argv[2:])
     gc.freeze()  # else each copy looks at all objects, which copies the memory they lie in
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for those that report an end
     job = next_job(socket.socket(fileno=int(sys.argv[1])))

@@ -21,6 +21,8 @@ import pytest
 
 from hypermap.core.errors import HypermapError
 
+from ..prepared import Command
+
 collect_ignore = ["port_node.py", "ros2_client.py"]  # programs, which doctest would import
 
 # rospy leaves the sockets of its calls of the roscore to the garbage collector.
@@ -78,8 +80,19 @@ def wait_for(condition: Callable[[], Any], what: str, timeout: float = 120.0) ->
     pytest.fail(f"no {what} after {timeout:g} s")
 
 
+HYPERMAP = [sys.executable, "-m", "hypermap"]
+# What nodes import. Others, as matplotlib, can abort a process at whose end threads still run, as
+# those of rospy do.
+PACKAGES = ("hypermap.cli", "hypermap.formats", "hypermap.ros")
+
+
 class Process:
-    """A program with its output in a file; what ROS writes gets there at once, too."""
+    """A program with its output in a file; what ROS writes gets there at once, too.
+
+    `HYPERMAP` and words is a copy that starts quickly, unless it `is_new`.
+    """
+
+    popen: subprocess.Popen[bytes] | Command
 
     def __init__(
         self,
@@ -88,20 +101,24 @@ class Process:
         *,
         stdin: int = subprocess.DEVNULL,
         env: Mapping[str, str] | None = None,
+        is_new: bool = False,
     ) -> None:
         self.log = log
         environment = dict(os.environ if env is None else env)
         if command[0] != sys.executable:  # ours must show by themselves what they say
             environment["PYTHONUNBUFFERED"] = "1"
         with log.open("wb") as output:
-            self.popen = subprocess.Popen(
-                command,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                stdin=stdin,
-                start_new_session=True,
-                env=environment,
-            )
+            options: dict[str, Any] = {
+                "stdout": output,
+                "stderr": subprocess.STDOUT,
+                "stdin": stdin,
+                "start_new_session": True,
+                "env": environment,
+            }
+            if command[:3] == HYPERMAP and not is_new:
+                self.popen = Command(*command[3:], **options, packages=PACKAGES)
+            else:
+                self.popen = subprocess.Popen(command, **options)
 
     @property
     def output(self) -> str:
@@ -132,7 +149,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Process]]:
     def run(*command: str | Path, **options: Any) -> Process:
         words = [str(word) for word in command]
         if words[0] == "hypermap":
-            words[:1] = [sys.executable, "-m", "hypermap"]
+            words[:1] = HYPERMAP
         running.append(Process(words, tmp_path / f"process{len(running)}.log", **options))
         return running[-1]
 

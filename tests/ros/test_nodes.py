@@ -27,7 +27,14 @@ def test_the_command_is_a_node_of_ros_1(rospy, start, tmp_path, number):
     save_map(Hypermap([SemanticLayer("semantic", "map", things)]), path)
     name = f"office_{number}"
     server = start(
-        "hypermap", "serve", path, "--ros1", "--param", "tf_timeout=0.25", f"__name:={name}"
+        "hypermap",
+        "serve",
+        path,
+        "--ros1",
+        "--param",
+        "tf_timeout=0.25",
+        f"__name:={name}",
+        is_new=True,
     )
     rospy.wait_for_service(f"/{name}/get_string_at_point", timeout=240)
     assert rospy.get_param(f"/{name}/tf_timeout") == 0.25

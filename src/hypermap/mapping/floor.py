@@ -20,6 +20,7 @@ _FEWEST_FRAMES = 5  # because a single image may mislead
 _MOST_FRAMES = 64  # kept; then every other frame is dropped, and only every other one added
 _SAME_NORMAL = math.cos(math.radians(12))  # least cosine between two normals of one surface
 _TRIED = 100  # points whose normals are candidates for that of the floor
+_SHIFTED = 8000  # normals, of which the modes are searched
 _LEAST_SHARE = 0.02  # of all points that must be on a floor
 _LEAST_SHARE_TILTED = 0.03
 _MOST_BELOW = 0.03  # of all points that may be more than `_DEEP` below a floor
@@ -224,14 +225,20 @@ def _directions(
 ) -> Iterator[NDArray[np.float64]]:
     """Yield the modes of the normals that may be those of a floor."""
     likely = normals[(normals @ up > _UPRIGHT / 2) | (normals[:, 2] > _LEVEL)]
+    some = normals[:: max(1, len(normals) // _SHIFTED)]
     found: list[NDArray[np.float64]] = []
     for normal in likely[:: max(1, len(likely) // _TRIED)]:
         for _ in range(4):  # mean shift
-            mean = normals[normals @ normal > _SAME_NORMAL].sum(axis=0)
+            mean = some[some @ normal > _SAME_NORMAL].sum(axis=0)
             normal = mean / np.linalg.norm(mean)
         if all(normal @ other < 0.999 for other in found):
             found.append(normal)
             yield normal
+
+
+def _principal_axes(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the directions in which points about the origin spread, most first, as rows (3, 3)."""
+    return np.linalg.eigh(points.T @ points)[1].T[::-1]
 
 
 def _lowest_plane(
@@ -253,7 +260,7 @@ def _lowest_plane(
         if np.count_nonzero(on) < needed:
             return None
         center = points[on].mean(axis=0)
-        _, _, axes = np.linalg.svd(points[on] - center, full_matrices=False)
+        axes = _principal_axes(points[on] - center)
         normal = axes[2] if axes[2] @ normal > 0 else -axes[2]
         offset = float(center @ normal)
     if np.mean(points @ normal < offset - _DEEP) > _MOST_BELOW:
