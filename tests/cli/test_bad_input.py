@@ -14,6 +14,9 @@ from typing import Any
 
 import pytest
 
+from hypermap import Hypermap, SemanticLayer, save_map
+from hypermap.testing import square
+
 from .conftest import Result, assert_one_error
 
 
@@ -139,6 +142,17 @@ def test_an_unsavable_map_leaves_no_folder_behind(
 def test_names_cannot_write_to_the_terminal(hypermap: Callable[..., Result]) -> None:
     result = hypermap("info", "\x1b[31m[red]\u202e\x07.hmap")
     assert_one_error(result, "\\x1b[31m[red]\\u202e\\x07.hmap: there is no such file")
+
+
+def test_names_in_json_cannot_write_to_the_terminal(
+    hypermap: Callable[..., Result], tmp_path: Path
+) -> None:
+    name = "m\u00fcg\x1b[31m\x9b31m\u202e\u2066"
+    hypermap_of_it = Hypermap([SemanticLayer("semantic", "map", [square(name, 0, 0)])])
+    save_map(hypermap_of_it, tmp_path / "a.hmap")
+    out = hypermap("info", tmp_path / "a.hmap", "--json").out
+    assert "m\u00fcg\\u001b[31m\\u009b31m\\u202e\\u2066" in out
+    assert json.loads(out)["layers"][0]["names"] == {name: 1}
 
 
 def test_a_message_is_not_longer_than_a_screen(hypermap: Callable[..., Result]) -> None:

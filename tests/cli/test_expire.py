@@ -32,6 +32,12 @@ def test_what_has_expired_answers_no_query_until_its_limit_is_removed(hypermap, 
     assert chairs(hypermap, room) == before
 
 
+def test_an_object_of_a_map_in_a_folder_expires(hypermap, room, tmp_path):
+    (tmp_path / "folder").mkdir()
+    open_map(room).save(tmp_path / "folder")
+    assert hypermap("expire", tmp_path / "folder", 1, "--until", "2h").code == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [

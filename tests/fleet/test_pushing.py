@@ -284,6 +284,17 @@ def test_a_site_that_cannot_have_that_name_is_refused(
         push(database, a_map, name)
 
 
+@pytest.mark.parametrize("tagged", [{}, {"tags": ("c\0p", "mug")}])
+def test_an_object_that_the_database_cannot_hold_is_named(
+    database: Database, site: str, tagged: dict[str, Any]
+) -> None:
+    things = [square("bed", 0, 0, id=3), square("cup" if tagged else "c\0p", 2, 0, id=7, **tagged)]
+    with pytest.raises(StoreError, match=r"object 7, 'c.+p': its name or a tag has a NUL"):
+        push(database, Hypermap([SemanticLayer("semantic", "map", things)]), site)
+    with pytest.raises(SiteNotFound):
+        pull(database, site)
+
+
 def test_an_address_hides_its_password_and_survives_being_a_path() -> None:
     address = parse_address("postgresql://me:se/cret@db:5433/maps?sslmode=require&site=a b")
     assert "cret" not in repr(address) + address.shown

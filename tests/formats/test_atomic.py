@@ -5,6 +5,7 @@ import stat
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.formats import locks
 from hypermap.formats.atomic import file_beside, write_file, write_files
 from hypermap.formats.journal import JOURNAL_NAME, read_as_saved
-from hypermap.formats.locks import turn_to_save
+from hypermap.formats.locks import turn_to_edit, turn_to_save
 
 from .killed import killed_at
 
@@ -60,6 +61,27 @@ def test_a_link_keeps_pointing_at_the_file_that_is_replaced(tmp_path: Path) -> N
     write_file(link, b"new")
     assert link.is_symlink()
     assert target.read_bytes() == b"new"
+
+
+@pytest.mark.parametrize("linked", ["b", "sub"])
+def test_a_link_out_of_the_folder_is_not_followed_to_a_file_that_nobody_named(
+    tmp_path: Path, linked: str
+) -> None:
+    (tmp_path / "folder").mkdir()
+    elsewhere = tmp_path / "elsewhere" / "c"
+    elsewhere.parent.mkdir()
+    elsewhere.write_bytes(b"precious")
+    link = tmp_path / "folder" / linked
+    link.symlink_to(elsewhere if linked == "b" else elsewhere.parent)
+    name = "b" if linked == "b" else "sub/c"
+    with pytest.raises(HypermapError) as error:
+        write_files(tmp_path / "folder", {"a": b"new", name: b"new"})
+    assert str(error.value) == (
+        f"{tmp_path / 'folder' / name}: cannot be saved: it is a link that leads out of the "
+        "folder; remove it"
+    )
+    assert names(tmp_path / "folder") == [linked]
+    assert elsewhere.read_bytes() == b"precious"
 
 
 def test_where_it_cannot_be_written_the_message_says_why(tmp_path: Path) -> None:
@@ -266,6 +288,42 @@ def test_a_journal_that_is_none_is_named(tmp_path: Path, content: bytes) -> None
         read_as_saved(tmp_path / "config", lambda: None)
     assert str(error.value) == f"{journal}: is not a journal of a save; delete it"
     write_file(tmp_path / "other.hmap", b"")  # which has nothing to do with it
+
+
+def test_pipes_with_the_names_of_our_files_are_not_waited_for(tmp_path: Path) -> None:
+    part = tmp_path / ".hypermap-0123456789abcdef.part"
+    os.mkfifo(part)
+    write_file(tmp_path / "map.hmap", b"")
+    os.mkfifo(tmp_path / JOURNAL_NAME)
+    with pytest.raises(HypermapError, match="is not a journal of a save; delete it"):
+        read_as_saved(tmp_path / "config", lambda: None)
+    write_file(tmp_path / "map.hmap", b"")
+    assert names(tmp_path) == [JOURNAL_NAME, "map.hmap"]
+
+
+def test_who_waits_for_a_turn_to_edit_misses_nothing_that_was_saved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(locks, "_PAUSE", 0.001)
+    path = tmp_path / "map.hmap"
+    path.write_bytes(b"0")
+
+    def count(_: int) -> None:
+        with turn_to_edit(path):
+            number = int(path.read_bytes())
+            write_file(path, b"%d" % (number + 1))
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(count, range(20)))
+    assert path.read_bytes() == b"20"
+    monkeypatch.setattr(locks, "_PATIENCE", 0.0)
+    (tmp_path / "link.hmap").symlink_to(path)
+    with (
+        turn_to_edit(path),
+        pytest.raises(HypermapError, match="another program is changing it; try again"),
+        turn_to_edit(tmp_path / "link.hmap"),
+    ):
+        pass
 
 
 def test_another_library_writes_beside_and_replaces_the_file_in_the_end(tmp_path: Path) -> None:

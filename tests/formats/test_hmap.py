@@ -338,6 +338,18 @@ def test_a_folder_holds_all_of_one_save_however_often_saves_are_killed(tmp_path:
     assert rename == 5  # the journal, a grid of two files, the objects, the configuration
 
 
+def test_a_backup_is_not_written_through_a_link_that_came_with_the_map(tmp_path: Path) -> None:
+    (tmp_path / "maps").mkdir()
+    path = tmp_path / "maps" / "lab.hmap"
+    save_map(small_map(), path)
+    (tmp_path / "maps" / "lab.hmap.bak").symlink_to(tmp_path / "profile")
+    with pytest.raises(
+        HypermapError, match=r"nothing is saved: .*\.bak: .* leads out of the folder"
+    ):
+        keep_backup(path)
+    assert not (tmp_path / "profile").exists()
+
+
 def test_a_save_that_was_cut_off_and_cannot_be_completed_is_not_read_by_halves(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -130,6 +130,21 @@ def test_what_was_replaced_by_a_link_since_is_missing_and_not_followed(saved: Pa
         kept.open()
 
 
+def test_a_link_with_the_name_of_a_file_to_come_is_not_written_through(saved: Path, tmp_path: Path):
+    """Whoever made the map knows what will be written next to it, and where to."""
+    opened = open_map(saved)
+    layer = notes_layer(opened)
+    layer.inside_up_to = 0
+    link = saved.parent / "office.hmap.media" / layer[1].attachments[0].sha256
+    link.symlink_to(tmp_path / "profile")
+    for exists in (False, True):
+        with pytest.raises(HypermapError, match="is a link that leads out of the folder"):
+            save_map(opened, saved)
+        assert (tmp_path / "profile").exists() == exists
+        (tmp_path / "profile").write_text("precious")
+    assert (tmp_path / "profile").read_text() == "precious"
+
+
 def test_a_name_that_no_folder_can_have_is_that_of_a_missing_one(saved: Path, tmp_path: Path):
     document = json.loads(zipfile.ZipFile(saved).read("notes.geojson"))
     document["beside"] = "x" * 300
@@ -184,6 +199,9 @@ def test_files_that_no_note_uses_any_more_are_known(saved: Path):
     assert unused_beside(folder, used) == []
     assert [path.name for path in unused_beside(folder, ())] == [used[1].sha256]
     assert unused_beside(folder / "none", ()) == []
+    (folder / "link").symlink_to(folder)
+    with pytest.raises(HypermapError, match="is a link, so nothing in it is deleted"):
+        unused_beside(folder / "link", ())
 
 
 def test_exported_files_have_the_names_that_people_know(tmp_path: Path):

@@ -29,10 +29,12 @@ def test_a_missing_file_is_named(store: Store) -> None:
     assert str(error.value).startswith(f"{store.path_of('rooms')}: there is no such file")
 
 
-@pytest.mark.parametrize(
-    "name", ["", ".", "..", "../x", "a/../../x", "/etc/passwd", "a\\b", "C:x", "a\x00b", "a\nb"]
-)
-def test_names_that_lead_out_are_refused(store: Store, name: str) -> None:
+OUT = ["", ".", "..", "../x", "a/../../x", "/etc/passwd", "a\\b", "C:x", "a\x00b", "a\nb"]
+SPECIAL = [".git/config", "a/.GIT", ".hypermap-save.json", "a/.hypermap-0123456789abcdef-0.tmp"]
+
+
+@pytest.mark.parametrize("name", OUT + SPECIAL)
+def test_names_that_lead_out_or_are_not_a_maps_are_refused(store: Store, name: str) -> None:
     for use in (lambda: store.read(name), lambda: store.write(name, b"")):
         with pytest.raises(FormatError) as error:
             use()

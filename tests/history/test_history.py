@@ -132,6 +132,18 @@ def test_a_drive_that_is_mapped_late_does_not_turn_time_back() -> None:
     assert as_of(hypermap, TUESDAY).semantic()[1].footprint.bounds[0] == 4
 
 
+def test_an_edit_under_a_clock_years_ahead_hides_nothing(tmp_path: Path) -> None:
+    hypermap = office()
+    for time, by in ((MONDAY, 1.0), (MONDAY + 1e10, 1.0), (TUESDAY, 1.0)):
+        moved(hypermap, 1, by)
+        hypermap = grown(hypermap, time)
+    hypermap.save(tmp_path / "office.hmap")
+    opened = open_map(tmp_path / "office.hmap")
+    assert [one.time for one in revisions(opened)] == [MONDAY, MONDAY + 1e10, TUESDAY]
+    for time, x in ((MONDAY, 4), (TUESDAY, 5)):
+        assert as_of(opened, time).semantic()[1].footprint.bounds[0] == x
+
+
 def test_saving_adds_what_changed_and_saving_again_gives_the_same_bytes(tmp_path: Path) -> None:
     hypermap = office()
     hypermap.semantic().rename(0, "desk")

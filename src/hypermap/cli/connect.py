@@ -76,6 +76,7 @@ def command(
     from hypermap.console.places import parse_point
     from hypermap.formats import save_map
     from hypermap.formats.backup import keep_backup
+    from hypermap.formats.locks import turn_to_edit
 
     here, far = parse_point(at, "MAP"), parse_point(there, "OTHER")
     for file in (path, other):
@@ -83,14 +84,15 @@ def command(
             raise HypermapError(f"{file}: only .hmap files can contain lifts and stairs")
     if path.absolute() == other.absolute():
         raise HypermapError(f"{path}: a lift or stairs must lead to another map")
-    connected = {
-        path: _connected(path, here, other, far, kind, name, length, floor),
-        other: _connected(other, far, path, here, kind, name, length, other_floor),
-    }
-    for file, hypermap in connected.items():
-        keep_backup(file)
-        save_map(hypermap, file)
-        note(f"saved {file}")
+    with turn_to_edit(path, other):
+        connected = {
+            path: _connected(path, here, other, far, kind, name, length, floor),
+            other: _connected(other, far, path, here, kind, name, length, other_floor),
+        }
+        for file, hypermap in connected.items():
+            keep_backup(file)
+            save_map(hypermap, file)
+            note(f"saved {file}")
 
 
 def _connected(

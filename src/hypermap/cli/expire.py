@@ -48,22 +48,25 @@ def command(
     from dataclasses import replace
 
     from hypermap.formats import open_map, save_map
+    from hypermap.formats.config import CONFIG_NAME
+    from hypermap.formats.locks import turn_to_edit
     from hypermap.history import EXPIRES
 
     if layer is not None and len(layer) > 1:
         raise HypermapError("give --layer once")
     moment = _later(until)
-    hypermap = open_map(path)
-    objects = hypermap.semantic(layer[0] if layer else None)
-    try:
-        item = objects.get(object_id)
-    except ObjectNotFound as error:
-        raise HypermapError(f"{path}: {error}") from None
-    attributes = {key: value for key, value in item.attributes.items() if key != EXPIRES}
-    if moment is not None:
-        attributes[EXPIRES] = moment.isoformat(timespec="seconds")
-    objects.update(object_id, replace(item, attributes=attributes))
-    save_map(hypermap, path)
+    with turn_to_edit(path / CONFIG_NAME if path.is_dir() else path):
+        hypermap = open_map(path)
+        objects = hypermap.semantic(layer[0] if layer else None)
+        try:
+            item = objects.get(object_id)
+        except ObjectNotFound as error:
+            raise HypermapError(f"{path}: {error}") from None
+        attributes = {key: value for key, value in item.attributes.items() if key != EXPIRES}
+        if moment is not None:
+            attributes[EXPIRES] = moment.isoformat(timespec="seconds")
+        objects.update(object_id, replace(item, attributes=attributes))
+        save_map(hypermap, path)
     said = "never expires" if moment is None else f"expires on {moment:%Y-%m-%d at %H:%M %Z}"
     say(f"{printable(item.name)} {object_id} {said}".rstrip())
 

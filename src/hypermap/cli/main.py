@@ -129,7 +129,9 @@ def _options(
 
 def _help_of(module: Any) -> str:
     """Return a command's docstring as help: paragraphs flow, indented lines (the examples) stay."""
-    text = inspect.cleandoc(module.command.__doc__).replace("Examples:", "[bold]Examples:[/bold]")
+    text = inspect.cleandoc(module.command.__doc__ or "").replace(
+        "Examples:", "[bold]Examples:[/bold]"
+    )
     return re.sub(r"(?<=[^\n])\n(?=[^\s])", " ", text)
 
 

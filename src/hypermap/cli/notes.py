@@ -226,6 +226,7 @@ def command(
         hypermap notes office.hmap --save-files attached
     """
     from hypermap.formats import open_map
+    from hypermap.formats.locks import turn_to_edit
     from hypermap.notes import described
 
     changes = [option for option in (write, edit, remove) if option is not None]
@@ -238,19 +239,22 @@ def command(
     asked.check(write is not None, edit is not None)
     if output is not None:
         check_output(output, force)
-    hypermap = open_map(path)
-    if inside_up_to is not None:
-        _layer(hypermap, asked, make=write is not None).inside_up_to = round(inside_up_to * 1e6)
-    if write is not None:
-        shown = [_add(hypermap, sys.stdin.read() if write == "-" else write, asked)]
-    elif edit is not None:
-        shown = [_edit(hypermap, edit, asked)]
-    elif remove is not None:
-        shown = _remove(hypermap, remove, name)
-    else:
-        shown = _found(hypermap, asked, word, around, radius, after, before, show)
-    if changes or inside_up_to is not None:
-        _save(hypermap, path, output)
+    new = sys.stdin.read() if write == "-" else write
+    is_changed = bool(changes) or inside_up_to is not None
+    with turn_to_edit(*([path] if is_changed else [])):
+        hypermap = open_map(path)
+        if inside_up_to is not None:
+            _layer(hypermap, asked, make=new is not None).inside_up_to = round(inside_up_to * 1e6)
+        if new is not None:
+            shown = [_add(hypermap, new, asked)]
+        elif edit is not None:
+            shown = [_edit(hypermap, edit, asked)]
+        elif remove is not None:
+            shown = _remove(hypermap, remove, name)
+        else:
+            shown = _found(hypermap, asked, word, around, radius, after, before, show)
+        if is_changed:
+            _save(hypermap, path, output)
     if as_json:
         say_json({"frame_id": hypermap.base_frame, "notes": [described(each) for each in shown]})
     elif show is not None or write is not None or edit is not None:

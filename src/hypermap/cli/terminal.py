@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 NO_MEMORY, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes
 _LONGEST = 2000  # characters of a message
 _PASSWORD = re.compile(r"(\bpostgres(?:ql)?:/+[^:/@\s]*):[^@\s]*@")
+_CONTROLS = re.compile("[\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 _PIPED_WIDTH = 160  # columns of a table that goes to a file or another program
 
 
@@ -134,12 +135,15 @@ def describe(error: HypermapError | OSError) -> str:
 
 
 def say_json(value: Any) -> None:
-    """Print JSON; a number that is not finite becomes null, and what JSON does not know, text."""
+    """Print JSON; a number that is not finite becomes null, and what JSON does not know, text.
+
+    Characters that control a terminal are escaped, also those that JSON does not escape.
+    """
     knows_all_letters = (getattr(sys.stdout, "encoding", None) or "").lower().startswith("utf")
-    json.dump(
-        fit_for_json(value), sys.stdout, indent=2, ensure_ascii=not knows_all_letters, default=str
+    text = json.dumps(
+        fit_for_json(value), indent=2, ensure_ascii=not knows_all_letters, default=str
     )
-    sys.stdout.write("\n")
+    sys.stdout.write(_CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", text) + "\n")
 
 
 def table(*columns: str, right: Sequence[str] = ()) -> Table:

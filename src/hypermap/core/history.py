@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -14,6 +15,9 @@ MAP_ID, MAP_VERSION = "map_id", "map_version"
 
 EARLIEST = 1e8
 """Seconds since 1970; smaller stamps count from the start of something else, such as a program."""
+
+AHEAD = 86_400
+"""Seconds by which a clock may be ahead of ours; one that is further ahead is wrong."""
 
 ADDED, GONE, EXPIRED = "added", "gone", "expired"
 MOVED, RESHAPED, RENAMED, EDITED = "moved", "reshaped", "renamed", "edited"
@@ -118,9 +122,11 @@ class History:
         """Yield each revision with the time from which on it was in force, oldest first.
 
         A recording may be mapped after later ones. As times never fall, its changes are in force
-        from the time of what was there already. Before the first known time it is -inf.
+        from the time of what was there already. So are those that a clock dated that was far ahead
+        of ours. Before the first known time it is -inf.
         """
-        latest = -math.inf
+        latest, end = -math.inf, time.time() + AHEAD
         for revision in self.revisions():
-            latest = latest if revision.time is None else max(latest, revision.time)
+            if revision.time is not None and revision.time <= end:
+                latest = max(latest, revision.time)
             yield latest, revision

@@ -35,7 +35,7 @@ def write_file(path: str | Path, content: bytes) -> None:
         HypermapError: If it cannot be written; the old file then remains.
     """
     target = Path(path)
-    write_files(target.parent, {target.name: content})
+    _write_files(target.parent, {target.name: content})
 
 
 def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
@@ -51,8 +51,29 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
 
     Raises:
         FileMissing: If the folder does not exist.
-        HypermapError: If a file cannot be written.
+        HypermapError: If a file cannot be written, or is a link that leads out of the folder.
     """
+    for name in files:
+        refuse_link_out(Path(folder) / name, Path(folder))
+    _write_files(folder, files)
+
+
+def refuse_link_out(path: Path, folder: Path) -> None:
+    """Refuse to write a file that lies elsewhere, by a link that whoever made the folder left.
+
+    Only a path that the user names may be such a link.
+
+    Raises:
+        HypermapError: If it lies elsewhere.
+    """
+    with contextlib.suppress(OSError, ValueError):  # whoever writes it says why
+        if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
+            raise HypermapError(
+                f"{path}: cannot be saved: it is a link that leads out of the folder; remove it"
+            )
+
+
+def _write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
     root = Path(folder)
     if not is_folder(root):
         raise FileMissing(f"{root}: there is no such folder to save in")

@@ -9,7 +9,7 @@ from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.core.history import MAP_VERSION
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.archive import read_archive
-from hypermap.formats.atomic import write_file
+from hypermap.formats.atomic import refuse_link_out, write_file
 from hypermap.formats.config import CONFIG_NAME, parse_config
 from hypermap.formats.hmap import MAPPER_STATE, open_map, save_map
 
@@ -50,6 +50,7 @@ def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
     try:
         if spare_edited and why_precious(backup) and not why_precious(path):
             return None
+        refuse_link_out(backup, backup.parent)
         if path.suffix.lower() not in _YAML_ENDINGS:
             write_file(backup, path.read_bytes())
         elif path.exists():

@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.notes import Attachment, Note
-from hypermap.formats.atomic import file_beside
+from hypermap.formats.atomic import file_beside, refuse_link_out
 
 logger = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ def put_beside(folder: Path, files: Iterable[Attachment]) -> None:
 
     Raises:
         FileMissing: If a file that was attached is not there any more.
-        HypermapError: If it has changed since, or the copy cannot be written.
+        HypermapError: If it has changed since, the copy cannot be written, or a link is there.
     """
     for each in files:
         target = folder / each.sha256
@@ -56,6 +56,7 @@ def put_beside(folder: Path, files: Iterable[Attachment]) -> None:
             folder.mkdir(exist_ok=True)
         except OSError as error:
             raise HypermapError(f"{folder}: cannot be created: {error.strerror}") from error
+        refuse_link_out(target, folder)
         copy_to(target, each)
 
 
@@ -132,7 +133,13 @@ def export_files(notes: Iterable[Note], folder: Path) -> list[Path]:
 
 
 def unused_beside(folder: Path, used: Iterable[Attachment]) -> list[Path]:
-    """Return the files in a folder next to a map to which no note refers any more."""
+    """Return the files in a folder next to a map to which no note refers any more.
+
+    Raises:
+        HypermapError: If the folder is a link, as the files of another program may be there.
+    """
+    if folder.is_symlink():
+        raise HypermapError(f"{folder}: is a link, so nothing in it is deleted")
     names = {each.sha256 for each in used}
     if not folder.is_dir():
         return []

@@ -9,6 +9,7 @@ import json
 import logging
 import math
 import threading
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
@@ -19,7 +20,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import FormatError
-from hypermap.core.history import KINDS, Change, History, Revision
+from hypermap.core.history import AHEAD, KINDS, Change, History, Revision
 from hypermap.core.objects import SemanticObject
 from hypermap.formats import limits
 from hypermap.formats.semantic.records import is_json, object_from_record, record_from_object
@@ -103,15 +104,16 @@ def history_files(history: History, policy: HistoryPolicy) -> dict[str, bytes]:
 
 def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]:
     """Return files without their oldest lines, as far as a policy drops these."""
-    newest = max((time for time in map(_time_in, _lines(files)) if time is not None), default=None)
-    begin = -math.inf if newest is None else newest - policy.seconds
+    end = time.time() + AHEAD
+    stamps = (stamp for stamp in map(_time_in, _lines(files)) if stamp is not None)
+    begin = max((stamp for stamp in stamps if stamp <= end), default=-math.inf) - policy.seconds
     surplus = sum(map(len, files.values())) - policy.max_mb * 1e6
     bounded: dict[str, bytes] = {}
     for name, content in files.items():
         lines = content.splitlines(keepends=True)
         while lines and not bounded:
-            time = _time_in(lines[0])
-            if surplus <= 0 and (time is None or time >= begin):
+            stamp = _time_in(lines[0])
+            if surplus <= 0 and (stamp is None or stamp >= begin):
                 break
             surplus -= len(lines.pop(0))
         if lines:

@@ -154,7 +154,9 @@ def flush_folder(folder: Path) -> None:
 def _journal_in(folder: Path) -> Journal | None:
     path = folder / JOURNAL_NAME
     try:
-        with path.open("rb") as file:
+        # Without O_NONBLOCK, opening a pipe would wait for a writer.
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        with os.fdopen(handle, "rb") as file:
             document = json.loads(file.read(_MOST_BYTES))
         token, names = document["token"], [str(name) for name in document["names"]]
         if not _TOKEN.fullmatch(token) or not all(map(_is_within, names)):

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
+from hypermap.core.errors import HypermapError
+
 try:
     import fcntl
 except ImportError:  # Windows
@@ -21,6 +23,7 @@ Turn = Literal["alone", "busy", "unknown"]
 """Nobody else saves in a folder, somebody still does after a while, or it is unknown."""
 
 _PATIENCE, _PAUSE = 10.0, 0.02  # seconds
+_READ_ONLY = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)  # or a pipe waits for a writer
 
 
 @contextmanager
@@ -35,6 +38,23 @@ def turn_to_save(folders: Iterable[Path]) -> Iterator[Turn]:
         yield "busy" if "busy" in turns else "unknown" if "unknown" in turns else "alone"
 
 
+@contextmanager
+def turn_to_edit(*paths: Path) -> Iterator[None]:
+    """Wait until no other program is between reading some files and replacing them.
+
+    It reads them within, so it misses nothing that the others have saved.
+
+    Raises:
+        HypermapError: If another program takes too long.
+    """
+    until = time.monotonic() + _PATIENCE
+    with contextlib.ExitStack() as held:
+        for path in sorted({Path(os.path.realpath(path)) for path in paths}):
+            if held.enter_context(_locked(path, until)) == "busy":
+                raise HypermapError(f"{path}: another program is changing it; try again")
+        yield
+
+
 def lock_file(handle: int) -> None:
     """Let others know that a file is in use until it is closed."""
     if HAS_LOCKS:
@@ -47,29 +67,48 @@ def is_locked(path: Path) -> bool:
     if not HAS_LOCKS:
         return True
     try:
-        with path.open("rb") as file:
-            return _try_to_lock(file.fileno()) != "alone"
+        handle = os.open(path, _READ_ONLY)
     except OSError:
         return True
+    try:
+        return _try_to_lock(handle) != "alone"
+    finally:
+        os.close(handle)
 
 
 @contextmanager
-def _locked(folder: Path, until: float) -> Iterator[Turn]:
+def _locked(path: Path, until: float) -> Iterator[Turn]:
     if not HAS_LOCKS:
         yield "unknown"
         return
     try:
-        handle = os.open(folder, os.O_RDONLY)
-    except OSError:
+        handle, turn = _opened(path, until)
+    except (OSError, ValueError):
         yield "unknown"
         return
     try:
-        turn = _lock(handle, until)
         yield turn
         if turn == "alone":  # explicitly: a child process may have the handle, too
             fcntl.flock(handle, fcntl.LOCK_UN)
     finally:
         os.close(handle)
+
+
+def _opened(path: Path, until: float) -> tuple[int, Turn]:
+    """Return an open file or folder, and whether it is locked now."""
+    while True:
+        handle = os.open(path, _READ_ONLY)
+        turn = _lock(handle, until)
+        if turn != "alone" or not _is_replaced(path, handle):
+            return handle, turn
+        os.close(handle)
+
+
+def _is_replaced(path: Path, handle: int) -> bool:
+    try:
+        return not os.path.samestat(path.stat(), os.fstat(handle))
+    except OSError:  # it is gone
+        return False
 
 
 def _lock(handle: int, until: float) -> Turn:

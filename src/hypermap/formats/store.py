@@ -15,7 +15,8 @@ from hypermap.core.notes import Attachment
 from hypermap.formats import limits
 from hypermap.formats.atomic import is_folder, write_files
 
-_UNSAFE = re.compile(r"[\x00-\x1f\\]|^/|^[A-Za-z]:")
+_UNSAFE = re.compile(r"[\x00-\x1f\\]|^/|^[A-Za-z]:|(^|/)(\.git(/|$)|\.hypermap-)", re.IGNORECASE)
+"""In names: what leads elsewhere, into a repository's own files, or to those of a save."""
 
 
 class MemoryStore:
@@ -164,7 +165,8 @@ def safe_name(name: str, where: str = "") -> str:
     """Return a file's name in normal form, or refuse one that leads out of the map.
 
     Raises:
-        FormatError: If it is empty, absolute, or has `..`, a backslash or a control character.
+        FormatError: If it is empty, absolute, has `..`, a backslash or a control character, or
+            is a file of Git or of a save.
 
     >>> safe_name("./maps//floor.yaml")
     'maps/floor.yaml'

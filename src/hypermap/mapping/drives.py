@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.history import EARLIEST
+from hypermap.core.history import AHEAD, EARLIEST
 from hypermap.perception.frame import RgbdFrame
 
 _EVERY = 8  # every so many rows and columns of a depth image identify it
-_AHEAD = 86_400  # seconds by which another clock may be ahead of ours
 
 
 def frame_key(frame: RgbdFrame) -> int:
@@ -59,7 +58,7 @@ class Drive:
     @property
     def is_ahead(self) -> bool:
         """Whether its clock is more than a day ahead of ours, so that it is wrong."""
-        return bool(self.keys) and self.last > time.time() + _AHEAD
+        return bool(self.keys) and self.last > time.time() + AHEAD
 
     @property
     def has_no_clock(self) -> bool:

@@ -48,7 +48,11 @@ def rows_of_objects(
     Args:
         table: the objects.
         positions: their places in the order of the layer; None for 0, 1, 2, ...
+
+    Raises:
+        StoreError: If the name or a tag of one has a NUL character, which PostgreSQL has not.
     """
+    _check_texts(table)
     places = np.arange(len(table)) if positions is None else positions
     is_repaired = np.array(
         [one is not other for one, other in zip(table.shapes, table.footprints, strict=True)],
@@ -107,6 +111,20 @@ def table_of(rows: Sequence[Row]) -> ObjectTable:
     computed = {"shapes": shapes, "areas": np.array(areas, dtype=float), "centroids": centroids}
     vars(table).update(computed)
     return table
+
+
+def _check_texts(table: ObjectTable) -> None:
+    names = {code: name for name, code in table.vocabulary.items()}
+    wrong_names = {code for code, name in names.items() if "\0" in name}
+    wrong_tags = {tags for tags in set(table.tags) if any("\0" in tag for tag in tags)}
+    if not (wrong_names or wrong_tags):
+        return
+    for number, code, tags in zip(table.ids, table.codes, table.tags, strict=True):
+        if code in wrong_names or tags in wrong_tags:
+            raise StoreError(
+                f"object {number}, {names[code]!r}: its name or a tag has a NUL character, which "
+                "the database does not allow; rename it"
+            )
 
 
 # Evidence

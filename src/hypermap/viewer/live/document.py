@@ -18,6 +18,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.backup import EDITED_WITH, keep_backup
+from hypermap.formats.locks import turn_to_edit
 from hypermap.mapping.going_on import with_marks
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.map_file import MapFile
@@ -157,23 +158,27 @@ class MapDocument:
             if name is None and self.file.is_plain_grid:
                 name = self.file.path.with_suffix(".hmap").name
             file = self.file if name is None else self.file.sibling(name)
-            file.check_before_saving(overwrite)
-            keep_backup(file.path)
-            hypermap = self._current.hypermap
-            is_edited = self._content != _OPENED
-            if is_edited:
-                hypermap = copy.copy(with_marks(hypermap))
-                hypermap.metadata[EDITED_WITH] = _EDITOR
-                known = hypermap.metadata.get(MAP_VERSION)
-                opened = known if type(known) is int else 0
-                hypermap.metadata[MAP_VERSION] = opened + self._edited_saves + 1
-            save_map(hypermap, file.path)
-            self._current.hypermap.history = hypermap.history
-            self._edited_saves += is_edited
-            self.file = MapFile.of(file.path, hypermap)
-            self._saved_content = self._content
-            self.saves += 1
-            self.event_count += 1
+            with turn_to_edit(file.path):
+                self._save(file, overwrite)
+
+    def _save(self, file: MapFile, overwrite: bool) -> None:
+        file.check_before_saving(overwrite)
+        keep_backup(file.path)
+        hypermap = self._current.hypermap
+        is_edited = self._content != _OPENED
+        if is_edited:
+            hypermap = copy.copy(with_marks(hypermap))
+            hypermap.metadata[EDITED_WITH] = _EDITOR
+            known = hypermap.metadata.get(MAP_VERSION)
+            opened = known if type(known) is int else 0
+            hypermap.metadata[MAP_VERSION] = opened + self._edited_saves + 1
+        save_map(hypermap, file.path)
+        self._current.hypermap.history = hypermap.history
+        self._edited_saves += is_edited
+        self.file = MapFile.of(file.path, hypermap)
+        self._saved_content = self._content
+        self.saves += 1
+        self.event_count += 1
 
     def reload(self) -> None:
         """Reload the file; unsaved changes and the undo history are lost.
