@@ -124,6 +124,18 @@ def test_a_bad_input_names_the_file(hypermap, tmp_path, name, content):
     assert not (tmp_path / "out.hmap").exists()
 
 
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("floor.pgm", "is a picture; give the map_server YAML file that names it"),
+        ("floor.TIF", ".TIF files can be written, but not read"),
+    ],
+)
+def test_what_is_only_written_is_said_so(hypermap, tmp_path, name, message):
+    (tmp_path / name).write_bytes(b"P5 1 1 255 x")
+    assert_one_error(hypermap("convert", tmp_path / name, tmp_path / "a.hmap"), name, message)
+
+
 def test_what_exists_is_replaced_only_by_force(hypermap, room_map, tmp_path):
     folder = tmp_path / "folder"
     folder.mkdir()

@@ -4,6 +4,8 @@ import pytest
 
 from hypermap import Hypermap, SemanticLayer, save_map
 
+from ..recordings.bag_builder import write_bag
+from ..recordings.shots import SHOTS
 from .conftest import INTRINSICS, assert_one_error, write_drive
 
 
@@ -41,6 +43,12 @@ def test_settings_are_shown_when_asked_for(hypermap, tmp_path):
         long = hypermap(*words, tmp_path / "a.hmap")
         assert "publish_above 2.0" in long.out
         assert (long.code, long.err) == (0, "")
+
+
+def test_what_is_noted_of_a_recording_is_printed_once(hypermap, tmp_path):
+    bag = write_bag(tmp_path, "ros1", SHOTS, root="world")
+    result = hypermap("info", bag)
+    assert (result.out + result.err).count("tf has no frame 'map'") == 1
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,15 @@ def test_the_shell_tells_paths_and_whether_a_room_is_reachable(hypermap, flat):
     assert result.code == 2
 
 
+def test_a_class_to_keep_out_of_that_no_object_has_is_named(hypermap, flat, tmp_path):
+    hint = "no object is called 'refridgerator'; did you mean 'refrigerator'?"
+    wrong = ("--keepout", "refridgerator 0.1")
+    assert hint in hypermap("path", flat, "0,3", "1,1", *wrong).err
+    assert hint in hypermap("frontiers", flat, "0,3", *wrong).err
+    assert hint in hypermap("convert", flat, tmp_path / "r.geojson", "--route-graph", *wrong).err
+    assert hypermap("path", flat, "0,3", "1,1", "--keepout", "refrigerator 0.1").err == ""
+
+
 def test_the_ways_between_rooms_become_a_file_for_nav2(hypermap, flat, tmp_path):
     out = tmp_path / "routes.geojson"
     result = hypermap("convert", flat, out, "--route-graph", "--robot-radius", "0.2")

@@ -146,7 +146,8 @@ def test_the_command_lists_sites(
     ("words", "message"),
     [
         ([], "say where to look"),
-        (["--in", "nowhere_at_all"], "no .hmap file"),
+        (["--in", "nowhere_at_all"], "there is no such folder"),
+        (["--in", str(Path(__file__).parent)], "no .hmap file"),
         (["--in", ".", "--in-store", "postgresql:///maps"], "say where to look"),
         (["--in", ".", "--point", "x"], "--point"),
         (["--in", ".", "--not-seen-for", "soon"], "--not-seen-for"),

@@ -76,6 +76,9 @@ def test_each_edit_is_a_change_of_the_next_version_and_can_be_undone(kind: str) 
     assert [sorted(vars(item).items(), key=str) for item in past] == states
     with pytest.raises(HypermapError, match="its history begins with version 2"):
         at_version(both, 1)
+    assert len(at_version(both, 3).semantic()) == len(both.semantic())
+    with pytest.raises(HypermapError, match="there is no version 4 of the map; the newest is 3"):
+        at_version(both, 4)
 
 
 def test_a_map_is_known_at_every_time_since_its_history_began(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hypermap.questions.times import are_calendar, find_times
+from hypermap.core.errors import HypermapError
+from hypermap.questions.times import are_calendar, find_times, parse_moment
 
 NOW = datetime(2026, 11, 23, 14, 30, tzinfo=timezone(timedelta(hours=1)))  # a Monday
 
@@ -31,6 +32,7 @@ NOW = datetime(2026, 11, 23, 14, 30, tzinfo=timezone(timedelta(hours=1)))  # a M
         ("SINCE YESTERDAY AT 3 PM", "2026-11-22T15:00", None),
         ("since friday 10:05", "2026-11-20T10:05", None),
         ("since 2026-11-20T10:00", "2026-11-20T10:00", None),
+        ("since 2026-11-20T10:00:00", "2026-11-20T10:00", None),
         ("since 12 am", "2026-11-23T00:00", None),
         ("since 12:30 pm", "2026-11-23T12:30", None),
         ("since midnight", "2026-11-23T00:00", None),
@@ -68,6 +70,25 @@ def test_what_a_time_means(text: str, since: str | None, until: str | None) -> N
 )
 def test_what_is_no_time(text: str) -> None:
     assert find_times(text, NOW) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "2026-11-20T10:00:30+01:00",  # as `hypermap history` prints it
+        "2026-11-20T09:00:30.000Z",
+        "2026-11-20 09:00:30 UTC",
+        "2026-11-20T10:00:30",
+    ],
+)
+def test_a_time_may_have_seconds_and_a_zone(text: str) -> None:
+    moment = parse_moment(text, "--since", NOW)
+    assert moment == datetime(2026, 11, 20, 10, 0, 30, tzinfo=NOW.tzinfo)
+
+
+def test_a_day_with_a_zone_that_does_not_exist_is_an_error() -> None:
+    with pytest.raises(HypermapError, match="--since '2026-02-30T10:00Z': expected a time"):
+        parse_moment("2026-02-30T10:00Z", "--since", NOW)
 
 
 def test_a_day_in_which_clocks_change_has_23_hours() -> None:

@@ -41,6 +41,16 @@ def test_a_foreign_file_is_an_error_that_info_tells(
     assert problem.startswith(f"{path}: the bag cannot be read (")
 
 
+def test_an_mcap_file_of_another_program_is_said_to_be_one(tmp_path: Path) -> None:
+    mcap = pytest.importorskip("mcap.writer")
+    path = tmp_path / "foxglove.mcap"
+    with path.open("wb") as file:
+        writer = mcap.Writer(file)
+        writer.start(profile="", library="test")
+        writer.finish()
+    assert open_recording(path).info().missing == (f"{path}: only MCAP files of ROS 2 can be read",)
+
+
 def test_a_folder_without_metadata_is_read_from_its_only_file(tmp_path: Path) -> None:
     path = write_bag(tmp_path, "mcap", SHOTS)
     (path / "metadata.yaml").unlink()

@@ -203,7 +203,7 @@ def test_distortion_other_frames_and_other_topics_are_noted(tmp_path: Path) -> N
         f"{DEPTH} is used; also there: /camera/depth/image_raw (--depth-topic)",
         "color comes from frame 'color_camera', depth from 'camera': if the driver has not "
         "registered them, objects are cut out next to where they are (--register)",
-        "the lens distortion that the camera info tells is not corrected",
+        "the lens distortion in the camera info is not corrected",
     )
     assert_shows(next(recording.frames()), SHOTS[0])
 

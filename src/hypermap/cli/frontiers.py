@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hypermap.cli.mask_options import note_strangers
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.options import AsJson, MapPath
 from hypermap.cli.robot_options import (
@@ -102,8 +103,10 @@ def command(
         option = name.removesuffix("_deg").replace("_", "-")
         raise HypermapError(f"--{option} {rest}") from None
     zones = keepout_filter(keepout or ()).zones
+    hypermap = open_map(path)
+    note_strangers([hypermap], zones)
     explorer = Explorer(
-        open_map(path),
+        hypermap,
         parse_place(start, "FROM"),
         robot,
         sensor,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +14,7 @@ from hypermap.core.errors import HypermapError, did_you_mean
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
-    from hypermap.ros.server.zones import Filter
+    from hypermap.core.masks import Zone
 
 PANEL = "A mask for nav2's costmap filters, in place of the map"
 
@@ -74,13 +75,13 @@ def save_mask(
     for name in files:
         check_output(target.parent / name, force)
     write_files(target.parent, files)
-    _note_strangers(hypermap, wanted)
+    note_strangers([hypermap], wanted.zones)
     note(f"{', '.join(files)}: what nav2 loads; the frame is {mask.frame_id!r}")
 
 
-def _note_strangers(hypermap: Hypermap, wanted: Filter) -> None:
-    """Name the classes of which the map has no object."""
-    known = {str(found.object.name) for found in hypermap.objects()}
-    for zone in wanted.zones:
+def note_strangers(hypermaps: Iterable[Hypermap], zones: Iterable[Zone]) -> None:
+    """Name the classes of zones of which no map has an object; they may be misspelled."""
+    known = {str(found.object.name) for each in hypermaps for found in each.objects()}
+    for zone in zones:
         if zone.name not in known:
             note(f"no object is called {zone.name!r}; {did_you_mean(zone.name, sorted(known))}")

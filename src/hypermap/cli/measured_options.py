@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -44,7 +46,7 @@ def measured_options(
 
 
 def usable_frames(path: Path, options: RecordingOptions, most: int = 0) -> Iterator[RgbdFrame]:
-    """Yield the frames of a recording that can be mapped.
+    """Yield the frames of a recording that can be mapped; what is noted of it is not logged.
 
     Args:
         path: where it is.
@@ -56,9 +58,22 @@ def usable_frames(path: Path, options: RecordingOptions, most: int = 0) -> Itera
     if most:
         count = len(open_recording(path, options))
         options = replace(options, every=options.every * max(1, count // most))
-    for frame in open_recording(path, options).frames(_ignore):
-        if why_unusable(frame) is None:
-            yield frame
+    with _silenced("hypermap.recordings"):  # `info` prints the notes, and mapping logs them
+        for frame in open_recording(path, options).frames(_ignore):
+            if why_unusable(frame) is None:
+                yield frame
+
+
+@contextmanager
+def _silenced(name: str) -> Iterator[None]:
+    """Log nothing below an error under this name."""
+    log = logging.getLogger(name)
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 def _leveled(path: Path, options: RecordingOptions) -> RecordingOptions:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from hypermap.cli.mask_options import note_strangers
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.options import AsJson, MapPath
 from hypermap.cli.robot_options import (
@@ -96,6 +97,7 @@ def command(
     if goal_map is not None:
         maps = open_floors(path)
         building = Building(maps, settings, keepout=zones, occupancy=occupancy)
+        note_strangers(maps.values(), zones)
         begin, end = parse_place(start, "FROM"), parse_place(goal, "TO")
         files = [os.path.normpath(file.absolute()) for file in (path, goal_map)]
         way = building.path((files[0], begin), (files[1], end), distance)
@@ -107,6 +109,7 @@ def command(
             say(line)
         return
     hypermap = open_map(path)
+    note_strangers([hypermap], zones)
     planner = Planner(hypermap, settings, keepout=zones, occupancy=occupancy)
     planned = plan(planner, start, goal, distance)
     if as_json:

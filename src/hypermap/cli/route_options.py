@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hypermap.cli.mask_options import note_strangers
 from hypermap.cli.options import check_output
 from hypermap.cli.robot_options import path_settings
 from hypermap.cli.terminal import note
@@ -51,7 +52,9 @@ def save_route_graph(
         raise HypermapError(f"{target}: a route graph is saved as .geojson")
     check_output(target, force)
     settings = path_settings(robot_radius, inflation_radius)
-    planner = Planner(hypermap, settings, keepout=keepout_filter(keepout).zones)
+    zones = keepout_filter(keepout).zones
+    note_strangers([hypermap], zones)
+    planner = Planner(hypermap, settings, keepout=zones)
     graph = route_graph(planner)
     if not len(graph.edges):
         raise HypermapError(

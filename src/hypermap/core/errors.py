@@ -84,9 +84,13 @@ def did_you_mean(name: str, available: Iterable[str]) -> str:
     "did you mean 'occupancy'?"
     >>> did_you_mean("x", ["occupancy", "semantic"])
     'known: occupancy, semantic'
+    >>> did_you_mean("SEMANTIC", ["occupancy", "semantic"])
+    "did you mean 'semantic'?"
     """
     known = list(available)
-    close = difflib.get_close_matches(name, known, n=1)
-    if close:
+    in_lower_case = {each.lower(): each for each in reversed(known)}
+    if close := difflib.get_close_matches(name, known, n=1):
         return f"did you mean {close[0]!r}?"
+    if close := difflib.get_close_matches(name.lower(), in_lower_case, n=1):
+        return f"did you mean {in_lower_case[close[0]]!r}?"
     return "known: " + (", ".join(known) if known else "none")

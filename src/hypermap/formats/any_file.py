@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer_stack import DEFAULT_FRAME
 from hypermap.core.semantic import SemanticLayer
@@ -19,6 +19,8 @@ from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml
 
 JSON_ENDINGS = {".geojson", ".json"}
+_PICTURES = {".pgm", ".png"}
+_ONLY_WRITTEN = {".csv", ".gpkg", ".tif", ".tiff", ".rrd", ".mcap"}
 _ZIP = b"PK"
 
 
@@ -31,11 +33,15 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is damaged, or does not say its frame.
+        FormatError: If it is damaged, of a kind that cannot be read, or does not say its frame.
         MissingExtra: If it is GeoParquet, and pyarrow is not installed.
         HypermapError: If a frame is given for a whole map, which has its own.
     """
     content = _ZIP if is_folder(path) else read_file(path)
+    if path.suffix.lower() in _PICTURES:
+        raise FormatError("is a picture; give the map_server YAML file that names it", path=path)
+    if path.suffix.lower() in _ONLY_WRITTEN:
+        raise FormatError(f"{path.suffix} files can be written, but not read", path=path)
     if content.startswith(MAGIC):
         return Hypermap([layer_of_parquet(content, str(path), frame_id)])
     if path.suffix.lower() in JSON_ENDINGS:

@@ -40,8 +40,12 @@ def at_version(hypermap: Hypermap, version: int) -> Hypermap:
     """Return a map as it was in one of its versions; see `as_of`.
 
     Raises:
-        HypermapError: If the map keeps no history, or it does not reach back so far.
+        HypermapError: If there is no such version yet, the map keeps no history, or it does not
+            reach back so far.
     """
+    newest = hypermap.metadata.get(MAP_VERSION)
+    if isinstance(newest, int) and version > newest:
+        raise HypermapError(f"there is no version {version} of the map; the newest is {newest}")
     past, stamp = _before(hypermap, lambda _, one: one.version > version, f"in version {version}")
     return _with_values_at(past, stamp)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ _DAY = (
     r"the day before yesterday|yesterday|today|this morning|this week|last week"
     rf"|(?:on |last )?(?:{'|'.join(_DAYS)})|(?:on )?\d{{4}}-\d\d-\d\d"
 )
-_CLOCK = r"\d{1,2}:\d\d(?: ?[ap]m)?|\d{1,2} ?[ap]m|noon|midnight"
+_CLOCK = r"\d{1,2}:\d\d(?::\d\d)?(?: ?[ap]m)?|\d{1,2} ?[ap]m|noon|midnight"
 _MOMENT = (
     rf"(?P<day>{_DAY})(?:[ t]+(?:at )?(?P<day_clock>{_CLOCK}))?|(?P<clock>{_CLOCK})|{_SPAN} ago"
 )
@@ -34,6 +35,10 @@ _TIME = re.compile(
     re.IGNORECASE,
 )
 
+
+_ZONED = re.compile(
+    r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d(?::\d\d(?:\.\d{3})?)?)(?: ?(?:Z|UTC)|([+-]\d\d:\d\d))"
+)
 
 _AS_OF = re.compile(rf",?\s*\bas of (?:{_MOMENT})(?![\w:-])\s*,?", re.IGNORECASE)
 
@@ -109,7 +114,7 @@ def parse_moment(text: str, option: str, now: datetime | None = None) -> datetim
     """Return the time that a text names: "yesterday", "2026-11-20T10:00", "2 hours ago", "7d".
 
     Args:
-        text: a day, a time of day, both, or a span before now.
+        text: a day, a time of day, both, also with a zone as in ISO 8601, or a span before now.
         option: what the text was given for, in messages.
         now: as for `find_times`.
 
@@ -121,6 +126,9 @@ def parse_moment(text: str, option: str, now: datetime | None = None) -> datetim
     '2026-11-22T00:00:00+00:00'
     """
     words = text.strip()
+    if zoned := _ZONED.fullmatch(words):
+        with contextlib.suppress(ValueError):  # as 2026-13-01 or 25:00
+            return datetime.fromisoformat(f"{zoned[1]}T{zoned[2]}{zoned[3] or '+00:00'}")
     short = re.fullmatch(r"(\d{1,4}) ?([a-z]+)", words.lower())
     if short and (unit := _SHORT.get(short[2]) or short[2].rstrip("s")) in _UNITS:
         words = f"{short[1]} {unit}s ago"
@@ -236,12 +244,12 @@ def _lowered(found: re.Match[str]) -> dict[str, str]:
 def _clock_of(text: str) -> time:
     if text in ("noon", "midnight"):
         return time(12 if text == "noon" else 0)
-    hour, minute = (int(number) for number in [*re.findall(r"\d+", text), "0"][:2])
+    hour, minute, second = (int(number) for number in [*re.findall(r"\d+", text), "0", "0"][:3])
     if text.endswith("m"):
         if not 1 <= hour <= 12:
             raise ValueError(text)
         hour = hour % 12 + (12 if text.endswith("pm") else 0)
-    return time(hour, minute)
+    return time(hour, minute, second)
 
 
 def are_calendar(stamps: Iterable[float | None]) -> bool:

@@ -158,6 +158,25 @@ def png_of(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
 
 
+def test_a_warning_names_unknown_cells_that_the_threshold_makes_free(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    saved_by_nav2 = YAML.replace("0.196", "0.25")
+    for image in (picture([[0, 205, 205, 254]]), picture([[0, 205, 205, 254]], mode="RGB")):
+        caplog.clear()
+        assert cells(image, saved_by_nav2) == [[100, 0, 0, 0]]  # as map_server reads it
+        assert caplog.messages == [
+            "t.hmap/map.png: 2 cells with the gray 205 are free, because free_thresh is 0.25; "
+            "map_saver writes unknown cells with this gray; if they are unknown, set free_thresh "
+            "to 0.196"
+        ]
+    caplog.clear()
+    load(picture([[0, 204, 206, 254]]), saved_by_nav2)  # nobody's unknown
+    load(picture([[0, 205]]))
+    load(picture([[0, 205]]), mode("raw", saved_by_nav2))
+    assert not caplog.messages
+
+
 @pytest.mark.parametrize(
     ("image", "message"),
     [
@@ -394,6 +413,10 @@ def test_a_bare_map_that_is_missing_or_lacks_its_picture_says_so(tmp_path: Path)
     with pytest.raises(FormatError) as error:
         load_occupancy(yaml)
     assert str(error.value) == f"{yaml}: image: there is no picture {tmp_path / 'map.png'}"
+    yaml.write_text(YAML.replace("map.png", "."))
+    with pytest.raises(FormatError) as not_a_picture:
+        load_occupancy(yaml)
+    assert str(not_a_picture.value) == f"{yaml}: image: {tmp_path}: is a folder, not a file"
     yaml.write_text(YAML.replace("map.png", "x" * 300))  # a name that no file can have
     with pytest.raises(HypermapError, match="xx: cannot be read: File name too long"):
         load_occupancy(yaml)

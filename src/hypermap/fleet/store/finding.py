@@ -173,8 +173,10 @@ def maps_in(folder: Path) -> list[Path]:
     """Return the maps of a folder and those within, by name.
 
     Raises:
-        HypermapError: If there is none.
+        HypermapError: If there is no such folder, or no map in it.
     """
+    if not folder.is_dir():
+        raise HypermapError(f"{folder}: there is no such folder")
     paths = sorted(folder.rglob("*.hmap"))
     if not paths:
         raise HypermapError(f"{folder}: there is no .hmap file in this folder")

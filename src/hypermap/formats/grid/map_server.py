@@ -6,6 +6,7 @@ top of the map.
 
 from __future__ import annotations
 
+import logging
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 
 Cells = NDArray[np.int8] | NDArray[np.int16]
 _Fraction = Annotated[float, Field(ge=0, le=1)]
+_UNKNOWN_GRAY = 205  # what map_saver draws for unknown
+
+logger = logging.getLogger(__name__)
 
 
 class MapYaml(Checked):
@@ -145,6 +149,8 @@ def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
         content = read_file(image)
     except FileMissing:
         raise FormatError(f"there is no picture {image}", path=path, key="image") from None
+    except FormatError as error:  # a folder, a device or too large
+        raise FormatError(str(error), path=path, key="image") from None
     cells = cells_from_file(content, str(image), described)
     return _layer(described, cells, name, frame_id, {"file": path.stem})
 
@@ -169,7 +175,30 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
             pass
     from hypermap.formats.grid.pictures import decode_gray  # with Pillow, which few maps need
 
-    return cells_from_picture(decode_gray(content, path), described)
+    picture = decode_gray(content, path)
+    _warn_of_unknown_as_free(picture, described, path)
+    return cells_from_picture(picture, described)
+
+
+def _warn_of_unknown_as_free(picture: GrayPicture, described: MapYaml, path: str) -> None:
+    """Warn if the cells that map_saver draws as unknown are free, as in map_server itself.
+
+    Nav2's map_saver writes them with a gray of 205 and, by default, a free_thresh of 0.25.
+    """
+    if described.mode != "trinary" or described.negate:
+        return
+    if described.free_thresh <= (255 - _UNKNOWN_GRAY) / 255:
+        return
+    count = int(np.count_nonzero(picture.values == _UNKNOWN_GRAY * picture.white / 255))
+    if count:
+        logger.warning(
+            "%s: %d cells with the gray %d are free, because free_thresh is %g; map_saver writes "
+            "unknown cells with this gray; if they are unknown, set free_thresh to 0.196",
+            path,
+            count,
+            _UNKNOWN_GRAY,
+            described.free_thresh,
+        )
 
 
 def cells_from_picture(picture: GrayPicture, described: MapYaml) -> Cells:
@@ -238,7 +267,7 @@ def _bands(cells: Cells, mode: str) -> Iterator[NDArray[np.uint8]]:
         table[-1, 0] = 255
     else:
         table[:101, 0] = 255 - np.rint(np.arange(101) * 2.55)
-        table[-1, 0] = 205  # what map_server draws for unknown
+        table[-1, 0] = _UNKNOWN_GRAY
     of_cell = table.view(np.uint16)[:, 0]
     height, width = cells.shape
     rows = band_rows(width)

@@ -140,6 +140,8 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
         # rosbags reports damage by errors of many kinds: its own, struct's, zlib's, SQLite's.
         repair = _REPAIR.get(path.suffix, "ros2 bag reindex")
         detail = str(error) or type(error).__name__
+        if "Profile is not ros2" in detail:
+            raise FormatError("only MCAP files of ROS 2 can be read", path=path) from error
         raise FormatError(
             f"the bag cannot be read ({detail}); if its recording was cut off, "
             f"`{repair}` may repair it",

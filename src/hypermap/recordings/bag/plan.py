@@ -69,7 +69,7 @@ class BagPlan:
                 "are cut out next to where they are (--register)"
             )
         if self._has_uncorrected_lens:
-            notes.append("the lens distortion that the camera info tells is not corrected")
+            notes.append("the lens distortion in the camera info is not corrected")
         if self._topics.detections:
             matched = sum(found is not None for found in self.detections)
             notes.append(f"{matched} of {len(self.frames)} frames have recorded detections")
