@@ -229,7 +229,7 @@ def _directions(
     found: list[NDArray[np.float64]] = []
     for normal in likely[:: max(1, len(likely) // _TRIED)]:
         for _ in range(4):  # mean shift
-            mean = some[some @ normal > _SAME_NORMAL].sum(axis=0)
+            mean = normal + some[some @ normal > _SAME_NORMAL].sum(axis=0)  # never zero
             normal = mean / np.linalg.norm(mean)
         if all(normal @ other < 0.999 for other in found):
             found.append(normal)
