@@ -72,6 +72,15 @@ def test_each_table_is_saved_as_csv_and_latex(tmp_path: Path) -> None:
     assert (folder / "lab-methods.tex").read_text() == latex_of(TABLE)
 
 
+def test_tables_of_other_worlds_do_not_stay_next_to_new_ones(tmp_path: Path) -> None:
+    save_tables([TABLE, replace(TABLE, name="floor")], tmp_path)
+    for name in ("own.csv", "own.tex", "floor-notes.csv"):
+        (tmp_path / name).write_text(latex_of(TABLE))  # labeled as another file
+    save_tables([TABLE], tmp_path)
+    kept = ["floor-notes.csv", "lab-methods.csv", "lab-methods.tex", "own.csv", "own.tex"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == kept
+
+
 def test_no_name_is_an_argument_of_a_command_in_latex() -> None:
     lines = latex_of(Table("t", "t", (Column("c"),), (("[x]",), ("*",)))).splitlines()
     assert [line for line in lines if line.endswith(r"\\")] == [

@@ -32,7 +32,7 @@ def check_outputs(output: Path, replace: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise HypermapError(f"{folder}: this is a file, and the tables need a folder of this name")
     if folder.exists() and not replace:
-        raise HypermapError(f"{folder} exists already; give --force to replace tables in it")
+        raise HypermapError(f"{folder} exists already; give --force to replace the tables in it")
 
 
 def show(shown: Table) -> None:

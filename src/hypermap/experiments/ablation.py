@@ -18,11 +18,6 @@ from hypermap.text import counted
 WHOLE = "nothing"
 """What is left out of the whole configuration."""
 
-ENOUGH = 10
-"""Drives from which on an interval of 95 % holds the mean in more than 90 of 100 cases.
-
-Of five drives it does in 85, of three in 75 (errors of normal distribution)."""
-
 
 @dataclass(frozen=True)
 class Measure:
@@ -167,7 +162,6 @@ def tables_of(results: Sequence[WorldResult]) -> list[Table]:
 def _tables(name: str, where: str, results: Sequence[WorldResult]) -> tuple[Table, Table]:
     rows, count = rows_of(results), sum(len(result.mapped) for result in results)
     drives = counted(count, "drive")
-    doubt = "; so few drives give intervals that are too narrow" if count < ENOUGH else ""
     columns = (Column("without"), *(Column(measure.title) for measure in MEASURES.values()))
     means = Table(
         f"{name}-means",
@@ -179,7 +173,7 @@ def _tables(name: str, where: str, results: Sequence[WorldResult]) -> tuple[Tabl
     changes = Table(
         f"{name}-changes",
         f"{where}: change of each figure if the part is left out, with its 95 % interval "
-        f"(bootstrap over {drives}, paired{doubt})",
+        f"(Student's t over {drives}, paired)",
         columns,
         tuple(
             (row.part, *(interval_of(row.changes[key]) for key in MEASURES))

@@ -21,7 +21,7 @@ def to_data(results: Sequence[WorldResult]) -> Data:
         "worlds": {name: _scope(some) for name, some in scopes.items()},
         "all": _scope(results),
         "rule": "a change is the figure without a part minus the figure with it, paired by drive; "
-        "low and high: 95 % interval of its mean (bootstrap)",
+        "low and high: 95 % interval of its mean (Student's t)",
     }
 
 

@@ -35,7 +35,7 @@ def to_data(results: Sequence[WorldResult]) -> Data:
             "for every true object the estimated one of its class with the nearest centroid, "
             "moved so that the centroids coincide (thesis, 2019); p: paired one-sided Wilcoxon "
             f"signed-rank test of whether {OURS} is better, over true objects, each with its mean "
-            "over the drives; gain: their mean, with a bootstrap interval of 95 %"
+            "over the drives; gain: their mean, with Student's interval of 95 %"
         ),
         "localization_limits": LIMITS,
     }

@@ -199,10 +199,14 @@ def _escaped(text: str) -> str:
 def save_tables(tables: Sequence[Table], folder: Path) -> None:
     """Write each table as CSV and as LaTeX into a folder, which may exist.
 
-    Of tables with the same name, the second one gets a 2, and so on.
+    Of tables with the same name, the second one gets a 2, and so on. Other tables that were saved
+    there before are removed: they are of other worlds or methods. Other files stay.
     """
     folder.mkdir(exist_ok=True)
     taken: set[str] = set()
+    for old in [file for file in folder.glob("*.tex") if _is_table(file)]:
+        old.unlink()
+        old.with_suffix(".csv").unlink(missing_ok=True)
     for table in tables:
         names = (slug(table.name) + (f"-{k}" if k > 1 else "") for k in count(1))
         name = next(name for name in names if name.casefold() not in taken)
@@ -210,6 +214,12 @@ def save_tables(tables: Sequence[Table], folder: Path) -> None:
         named = replace(table, name=name)
         write_file(folder / f"{name}.csv", _encoded(csv_of(named)))
         write_file(folder / f"{name}.tex", _encoded(latex_of(named)))
+
+
+def _is_table(file: Path) -> bool:
+    """Return whether a file is a table that `save_tables` wrote."""
+    start = file.read_bytes()[:10_000].decode(errors="replace")
+    return start.startswith(r"\begin{table}") and rf"\label{{tab:{file.stem}}}" in start
 
 
 def _encoded(text: str) -> bytes:

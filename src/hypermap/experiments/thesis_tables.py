@@ -69,7 +69,7 @@ def gains_table(world: Data) -> Table:
     return Table(
         f"{world['world']}-gains",
         f"{world['world']}: by how much {OURS} is better, paired by true object: mean gain with "
-        "its 95 % interval (bootstrap), matched-pairs rank-biserial correlation r, and p of a "
+        "its 95 % interval (Student's t), matched-pairs rank-biserial correlation r, and p of a "
         "one-sided Wilcoxon signed-rank test that it is no better",
         (
             Column("method"),
