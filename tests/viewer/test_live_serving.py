@@ -41,11 +41,17 @@ class Quick:
             routes=[
                 Route("/", lambda _: PlainTextResponse("here")),
                 Route("/body", self._read, methods=["POST"]),
+                Route("/wait", self._wait),
             ]
         )
 
     async def _read(self, request: Request) -> PlainTextResponse:
         return PlainTextResponse(await request.body())
+
+    async def _wait(self, request: Request) -> PlainTextResponse:
+        while not self.is_closing:
+            await request.receive()
+        return PlainTextResponse("")
 
 
 @contextlib.contextmanager
@@ -109,6 +115,37 @@ def test_the_rest_of_a_body_must_come_in_time(monkeypatch: pytest.MonkeyPatch) -
             answer = b""
             while not answer.endswith(b"here"):
                 answer += one.recv(1000)
+
+
+def test_what_is_no_request_any_more_once_it_is_answered_ends_the_connection(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    head = b"POST / HTTP/1.1\r\nHost: here\r\nTransfer-Encoding: chunked\r\n\r\n"
+    with (
+        listen("127.0.0.1", 0) as listening,
+        serving(Quick(), listening),
+        half_open(listening.getsockname(), 1, head) as (one,),
+    ):
+        assert one.recv(1000).startswith(b"HTTP/1.1 405 ")
+        one.sendall(b"no chunk\r\n")
+        while not has_ended(one):
+            pass
+    assert not caplog.records  # nor a traceback
+
+
+def test_requests_that_come_before_answers_are_not_kept_without_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(connections, "MOST_AHEAD", 100_000)
+    ask = b"GET /wait HTTP/1.1\r\nHost: here\r\n\r\n"
+    with (
+        listen("127.0.0.1", 0) as listening,
+        serving(Quick(), listening),
+        half_open(listening.getsockname(), 1, ask) as (one,),
+    ):
+        one.settimeout(2)
+        with pytest.raises(ConnectionError):
+            one.sendall(1_000_000 * ask)
 
 
 class Interrupted:

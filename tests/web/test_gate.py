@@ -13,7 +13,7 @@ import pytest
 from hypermap.web import gate as module
 from hypermap.web.gate import Gate
 
-ASK = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
+ASK = b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n\r\n"
 
 
 @pytest.fixture
@@ -74,12 +74,17 @@ def test_closing_with_clients_connected_is_silent(
     assert not caplog.records
 
 
-def test_those_who_say_nothing_keep_nobody_out(gate: Gate) -> None:
+@pytest.mark.parametrize("said", [b"GET / HT", ASK], ids=["head", "whole"])
+def test_those_who_say_nothing_keep_nobody_out(
+    gate: Gate, said: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_MOST_CLIENTS", 16)
     with contextlib.ExitStack() as opened, connected(gate) as known:
-        known.sendall(ASK)
-        assert received(known, len(ASK)) == ASK
+        for _ in range(2):  # who has gone on after the first request
+            known.sendall(ASK)
+            assert received(known, len(ASK)) == ASK
         for _ in range(3 * module._MOST_CLIENTS):
-            opened.enter_context(connected(gate)).sendall(b"GET / HT")
+            opened.enter_context(connected(gate)).sendall(said)
         for client in (opened.enter_context(connected(gate)), known):
             client.sendall(ASK)
             assert received(client, len(ASK)) == ASK
@@ -92,8 +97,9 @@ def test_those_who_talk_are_so_many_and_others_are_told(
     with contextlib.ExitStack() as opened:
         for _ in range(5):
             client = opened.enter_context(connected(gate))
-            client.sendall(ASK)
-            assert received(client, len(ASK)) == ASK
+            for _ in range(2):
+                client.sendall(ASK)
+                assert received(client, len(ASK)) == ASK
         for _ in range(20):
             late = opened.enter_context(connected(gate))
             with contextlib.suppress(ConnectionError):
@@ -115,6 +121,14 @@ def test_who_says_nothing_in_time_or_too_much_is_left(
     with connected(gate) as client, contextlib.suppress(ConnectionError):
         client.sendall(said)
         assert client.recv(1) == b""
+
+
+def test_what_is_no_websocket_is_told_so_and_not_handed_on(gate: Gate) -> None:
+    with connected(gate) as client:
+        client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        answer = received(client, 1 << 20)
+    assert answer.startswith(b"HTTP/1.1 403 Forbidden\r\n")
+    assert b"connect with Foxglove" in answer
 
 
 def test_a_refused_site_is_reported_why(gate: Gate) -> None:

@@ -50,7 +50,7 @@ def command(
     from hypermap.fleet.store.database import Database
     from hypermap.fleet.store.pushing import push
     from hypermap.formats import open_map
-    from hypermap.text import counted
+    from hypermap.text import counted, printable
 
     address, name = address_with_site(store, site)
     hypermap = open_map(path)
@@ -65,6 +65,6 @@ def command(
     if as_json:
         say_json({"site": name, "version": pushed.version, "changes": pushed.changes})
         return
-    say(f"{name}: version {pushed.version}")
+    say(f"{printable(name, 60)}: version {pushed.version}")
     changes = ", ".join(f"{what} {count}" for what, count in pushed.changes.items())
     say(f"  new, changed or gone: {changes or 'nothing'}")

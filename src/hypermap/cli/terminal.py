@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import io
 import json
@@ -131,6 +132,8 @@ def describe(error: HypermapError | OSError) -> str:
     """Return what an error says, without Python's decoration."""
     if isinstance(error, HypermapError) or error.strerror is None:
         return str(error)
+    if error.errno == errno.ENOENT and error.filename is None:  # what `getcwd` raises
+        return f"the current folder: {error.strerror}; was it deleted? change to another"
     return ": ".join(str(part) for part in (error.filename, error.strerror) if part)
 
 

@@ -14,6 +14,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Iterable
+from functools import partial
 from urllib.parse import urlsplit
 
 from hypermap.web.hosts import is_known, known_hosts
@@ -114,8 +115,7 @@ class Gate:
         self._silent[task] = writer
         try:
             header = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), _HEADER_TIME)
-            self._silent.pop(task, None)
-            await self._let_in(header, reader, writer)
+            await self._let_in(header, reader, writer, partial(self._silent.pop, task, None))
         except (
             OSError,
             asyncio.TimeoutError,  # no OSError before Python 3.11
@@ -139,8 +139,13 @@ class Gate:
         return True
 
     async def _let_in(
-        self, header: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+        self,
+        header: bytes,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+        heard: Callable[[], object],
     ) -> None:
+        """Hand a connection on; `heard` is called whenever the client says something."""
         if problem := self._problem(header):
             self._refused(problem)
             await _refuse(writer, "403 Forbidden", problem)
@@ -149,7 +154,8 @@ class Gate:
         try:
             back.write(header)
             ways = [
-                asyncio.ensure_future(_carry(*way)) for way in ((reader, back), (there, writer))
+                asyncio.ensure_future(_carry(reader, back, heard)),
+                asyncio.ensure_future(_carry(there, writer)),
             ]
             try:
                 await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
@@ -164,6 +170,8 @@ class Gate:
         """Return why a request is refused; nothing if it is not."""
         lines = [line.partition(":") for line in header.decode("latin-1").split("\r\n")[1:]]
         fields = {name.strip().lower(): value.strip() for name, _, value in lines}
+        if fields.get("upgrade", "").lower() != "websocket":
+            return "this is a WebSocket server; connect with Foxglove or Lichtblick"
         host, origin = fields.get("host", ""), fields.get("origin")
         if not is_known(host, self._hosts):
             return f"this server is not {host[:200]!r}; connect to the address that it has named"
@@ -191,7 +199,12 @@ async def _refuse(writer: asyncio.StreamWriter, status: str, reason: str) -> Non
         writer.close()
 
 
-async def _carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+async def _carry(
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+    heard: Callable[[], object] = lambda: None,
+) -> None:
     while piece := await reader.read(_PIECE):
+        heard()
         writer.write(piece)
         await writer.drain()

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Iterable
 from typing import Any
 
+import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_CONNECTIONS = 128
@@ -14,6 +15,8 @@ HEADER_TIME = 10.0
 """Seconds in which a request must have said what it asks for."""
 BODY_TIME = 30.0
 """Seconds in which the next piece of a request's body must come."""
+MOST_AHEAD = 1_000_000
+"""Bytes of further requests that a client may send while one of its requests is not answered."""
 
 
 class Connection(H11Protocol):
@@ -28,6 +31,7 @@ class Connection(H11Protocol):
 
     waiting: asyncio.TimerHandle | None = None
     silent_since = 0.0
+    _ahead = 0  # bytes
 
     def connection_made(self, transport: Any) -> None:
         """Wait for a request."""
@@ -38,8 +42,20 @@ class Connection(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Stop waiting when a request is there; wait for the rest of its body."""
+        is_open = self.cycle is not None and not self.cycle.response_complete
+        self._ahead = self._ahead + len(data) if is_open and not self.cycle.more_body else 0
+        if self._ahead > MOST_AHEAD:  # uvicorn would keep all of it
+            self.transport.abort()
+            return
         super().data_received(data)
         self._wait_for_the_rest()
+
+    def send_400_response(self, msg: str) -> None:
+        """Say that a request is wrong, unless it has been answered before its end came."""
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            super().send_400_response(msg)
+        else:
+            self.transport.abort()
 
     def on_response_complete(self) -> None:
         """Wait for the next request."""
