@@ -145,6 +145,26 @@ def test_a_thing_before_what_is_too_far_to_be_measured_has_a_border_of_its_own()
     assert shares(cut(depth, [box_of(shown == 0)])[0], shown == 0) == pytest.approx((1, 1), abs=0.1)
 
 
+def test_a_thing_in_a_window_before_what_is_farther_than_max_depth_is_a_thing() -> None:
+    sides = [(x, -9, 1.2, x + 9, 9, 1.25) for x in (-9.5, 0.5)]
+    ends = [(-9, y, 1.2, 9, y + 9, 1.25) for y in (-9.4, 0.3)]
+    thing, far = (-0.2, 0.1, 2.0, 0.2, 0.9, 2.2), (-9, -9, 6, 9, 9, 6.1)
+    depth, shown = look(thing, far, *sides, *ends)  # the lower end hides a part of the thing
+    found = cut(depth, [box_of(shown == 0)])[0]
+    assert shares(found, shown == 0) == pytest.approx((1, 1), abs=0.05)
+
+
+def test_the_wall_behind_a_dark_thing_is_not_a_part_of_it() -> None:
+    left, right = (-0.4, -0.2, 1.5, -0.1, 1.0, 1.6), (0.1, -0.2, 1.5, 0.4, 1.0, 1.6)
+    top = (-0.4, -0.3, 1.5, 0.4, -0.2, 1.6)
+    depth, shown = look(FLOOR, WALL, left, right, top)
+    rows, columns = np.indices(depth.shape)
+    gate = shown >= 2
+    depth[gate & ~((rows % 12 < 6) & (columns % 12 < 6))] = np.nan  # a quarter of it has depth
+    found = cut(depth, [box_of(gate)])[0]
+    assert shares(found, gate & np.isfinite(depth)) == pytest.approx((1, 1), abs=0.05)
+
+
 def test_a_wall_between_two_things_is_none_of_them() -> None:
     left, right = (-0.4, -0.2, 1.5, -0.1, 1.0, 1.6), (0.1, -0.2, 1.5, 0.4, 1.0, 1.6)
     top = (-0.4, -0.3, 1.5, 0.4, -0.2, 1.6)  # a gate, through which one sees a piece of the wall

@@ -20,6 +20,7 @@ from hypermap.perception.planes import UNFIT, find_planes
 SAME = 4.0  # standard deviations of the noise by which two pixels may differ beyond `max_gap`
 REACH = 2  # rows and columns between pixels of one surface, as edges often lose a pixel
 LOST = 4  # pixels without depth across which two regions still border on each other
+UNSURE = 0.1  # weight of an end behind what is nearer on the other side of a wider gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +72,13 @@ def find_surfaces(
         roots=np.empty(disparity.size, np.int32),
         first_of_row=np.zeros(height + 1, np.int64),
     )
-    # The last one, index -1, is for pixels on no surface; its ends are not counted.
-    sizes, near, far = np.zeros(count + 1, np.int64), np.zeros(count), np.zeros(count)
-    above = np.full(width, -1 - LOST, np.int32)
-    _measure(disparity, labels, above, sizes, near, far, config.max_gap, tolerance)
-    sizes, ends = sizes[:count], near + far
+    # The last one, index -1, is for pixels on no surface.
+    sizes, near, far = np.zeros(count + 1, np.int64), np.zeros(count + 1), np.zeros(count + 1)
+    above, farthest = np.full(width, -1, np.int32), np.float32(config.max_depth)
+    thresholds = config.max_gap, tolerance
+    _measure(depth, disparity, labels, farthest, above, sizes, near, far, thresholds)
+    sizes, near, far = sizes[:count], near[:count], far[:count]
+    ends = near + far
     return Surfaces(
         labels=labels,
         disparity=disparity,
@@ -202,48 +205,48 @@ def _are_connected(
 
 @loop()
 def _measure(
+    depth: NDArray[np.float32],
     disparity: NDArray[np.float32],
     labels: NDArray[np.int32],
+    farthest: np.float32,
     above: NDArray[np.int32],
     sizes: IntArray,
     near: NDArray[np.float64],
     far: NDArray[np.float64],
-    max_gap: float,
-    tolerance: float,
+    thresholds: tuple[float, float],
 ) -> None:
     """Count the pixels of each surface, and how often it ends in front of and behind another one.
 
-    Where there is no depth for more than `LOST` pixels, the scene is too far away to be measured.
+    What is farther than `farthest` is behind all surfaces. What has no depth may be too far away to
+    be measured, or dark and near. So a surface beside a wide gap ends in front of what is farther
+    on the other side, or of the image's border; but that it ends behind what is nearer is unsure.
 
     Args:
+        depth: of each pixel [m], shape (H, W).
         disparity: as in `Surfaces`.
         labels: as there.
-        above: a buffer, `-1 - LOST` in each of W columns: the last row that has a point.
+        farthest: pixels with more depth are on no surface [m].
+        above: a buffer, -1 in each of W columns: the last row that has a depth.
         sizes: zeros, shape (N + 1,); the last one counts pixels on no surface.
-        near: zeros, shape (N,): ends in front of something farther.
-        far: zeros, shape (N,): ends behind something nearer.
-        max_gap: as in the configuration [m].
-        tolerance: what is noise [1/m].
+        near: zeros, shape (N + 1,): ends in front of something farther.
+        far: zeros, shape (N + 1,): ends behind something nearer.
+        thresholds: `max_gap` as in the configuration [m], and what is noise [1/m].
     """
     height, width = disparity.shape
     for row in range(height):
-        left, left_label, size = -1 - LOST, np.int32(UNFIT), 0  # the same of this row, and its run
+        left, left_label, size = -1, np.int32(UNFIT), 0  # the same of this row, and its run
         for col in range(width):
             d, label, up = disparity[row, col], labels[row, col], above[col]
-            if d == 0:
-                if left >= 0 and col - left == LOST + 1:
-                    near[left_label] += 1
-                if up >= 0 and row - up == LOST + 1:
-                    near[labels[up, col]] += 1
+            if d == 0 and not depth[row, col] > farthest:
                 continue
-            if col - left <= LOST:
-                neighbor = disparity[row, left]
-                _end(near, far, label, d, left_label, neighbor, max_gap, tolerance)
+            if left >= 0:
+                neighbor, is_wide = disparity[row, left], col - left > LOST
+                _end(near, far, label, d, left_label, neighbor, is_wide, thresholds)
             elif col > LOST:
                 near[label] += 1
-            if row - up <= LOST:
-                other, neighbor = labels[up, col], disparity[up, col]
-                _end(near, far, label, d, other, neighbor, max_gap, tolerance)
+            if up >= 0:
+                other, neighbor, is_wide = labels[up, col], disparity[up, col], row - up > LOST
+                _end(near, far, label, d, other, neighbor, is_wide, thresholds)
             elif row > LOST:
                 near[label] += 1
             if label != left_label:
@@ -252,6 +255,11 @@ def _measure(
             size += 1
             left, left_label, above[col] = col, label, row
         sizes[left_label] += size
+        if left >= 0 and width - 1 - left > LOST:
+            near[left_label] += 1
+    for col in range(width):
+        if above[col] >= 0 and height - 1 - above[col] > LOST:
+            near[labels[above[col], col]] += 1
 
 
 @inner_loop()
@@ -262,10 +270,10 @@ def _end(
     d: float,
     other_label: np.int32,
     other_d: float,
-    max_gap: float,
-    tolerance: float,
+    is_wide: bool,
+    thresholds: tuple[float, float],
 ) -> None:
     """Count which surface ends in front of the other and which behind, if both end here."""
-    if label != other_label and not _is_near(d, other_d, max_gap, tolerance):
+    if label != other_label and not _is_near(d, other_d, *thresholds):
         near[label if d > other_d else other_label] += 1
-        far[other_label if d > other_d else label] += 1
+        far[other_label if d > other_d else label] += UNSURE if is_wide else 1.0
