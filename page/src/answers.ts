@@ -378,10 +378,11 @@ export function unknownContent(
       return el("p", { class: "quiet", text: `${is}; showing “${similar[0]}”.` });
     }
     const offered = similar.length ? similar : commonest(info);
+    const intro = similar.length ? "Did you mean:" : "This map has:";
     return el(
       "section",
       { class: "unknown" },
-      el("p", { text: `${is}. ${similar.length ? "Did you mean:" : "This map has:"}` }),
+      el("p", { text: `${is}. ${offered.length ? intro : "This map has no objects."}` }),
       el(
         "div",
         { class: "buttons choices" },

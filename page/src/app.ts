@@ -373,8 +373,8 @@ export class App {
     this.ask.forget();
   }
 
-  private onEvent(change: Change | null): void {
-    if (!change) return this.banner("The server does not respond. Is hypermap view still running?");
+  private onEvent(change: Change | "lost" | "refused"): void {
+    if (change === "lost" || change === "refused") return this.banner(SERVER[change]);
     this.banner(change.disk ? DISK[change.disk] : null, change.disk === "changed");
     void this.onChange(change).catch(complain);
   }
@@ -480,6 +480,10 @@ export class App {
 
 const CORNERS = "Click the corners of an area; double-click or Enter finishes";
 
+const SERVER = {
+  lost: "The server does not respond. Is hypermap view still running?",
+  refused: "The server was restarted. Open the address that it printed then.",
+};
 const DISK = {
   changed: "The map file has changed on disk.",
   vanished: "The map file was deleted from disk; saving writes it again.",

@@ -181,13 +181,18 @@ export class ServerSource implements DataSource, Editing, Past {
     return this.post("/api/reload", {});
   }
 
-  watch(changed: (change: Change | null) => void): void {
+  watch(changed: (change: Change | "lost" | "refused") => void): void {
     const events = new EventSource("/api/events");
     let lost = false;
     events.onmessage = (event: MessageEvent<string>) => changed(JSON.parse(event.data) as Change);
     events.onerror = () => {
-      if (!lost) changed(null);
+      if (!lost) changed("lost");
       lost = true;
+      if (events.readyState !== EventSource.CLOSED) return; // it tries again
+      fetch("/api/map").then(
+        ({ status }) => status === FORBIDDEN && changed("refused"),
+        () => undefined,
+      );
     };
     events.onopen = () => {
       // What happened in between is not known, so everything is loaded again.
@@ -215,6 +220,8 @@ export class ServerSource implements DataSource, Editing, Past {
     return answer.json() as Promise<T>;
   }
 }
+
+const FORBIDDEN = 403;
 
 function address(path: string, values: Values): string {
   const query = new URLSearchParams();

@@ -426,8 +426,11 @@ export interface Editing {
   save(request: SaveRequest): Promise<Change>;
   /** Reloads the file; unsaved changes are lost. */
   reload(): Promise<Change>;
-  /** Calls back on every change, from this window or another; `null` when the server is lost. */
-  watch(changed: (change: Change | null) => void): void;
+  /**
+   * Calls back on every change, from this window or another; `lost` when the server does not
+   * respond, and `refused` when it does, but does not know this window, as after a restart.
+   */
+  watch(changed: (change: Change | "lost" | "refused") => void): void;
 }
 
 /** A version of the map, and how many objects it changed, by kind of change. */

@@ -87,6 +87,16 @@ def test_layers_are_had_as_what_they_are() -> None:
         hypermap.semantic("hal")
 
 
+def test_what_is_no_layer_or_object_is_refused_by_its_type() -> None:
+    cup = SemanticObject("cup", shapely.box(0, 0, 1, 1))
+    layer = SemanticLayer("objects", "map", [cup])
+    with pytest.raises(TypeError, match="a map consists of layers, got SemanticObject"):
+        Hypermap(layer)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="a layer holds SemanticObjects, got str"):
+        layer.add([cup, "mug"])  # type: ignore[list-item]
+    assert len(layer) == 1
+
+
 def test_a_layer_is_renamed_in_its_place() -> None:
     hypermap = building()
     layer = hypermap["lab"]

@@ -59,6 +59,11 @@ def edits() -> dict[str, Callable[[SemanticLayer], object]]:
     }
 
 
+def test_nan_is_not_a_time() -> None:
+    with pytest.raises(ValueError, match="the time is NaN"):
+        as_of(office(), float("nan"))
+
+
 @pytest.mark.parametrize("kind", list(edits()))
 def test_each_edit_is_a_change_of_the_next_version_and_can_be_undone(kind: str) -> None:
     hypermap = office()

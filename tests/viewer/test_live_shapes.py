@@ -104,6 +104,16 @@ def test_of_too_many_the_largest_are_shown():
     assert [feature["id"] for feature in view["features"]] == list(range(99, 89, -1))
 
 
+def test_of_too_many_of_one_size_those_that_are_shown_lie_all_over_the_map():
+    corners = np.mgrid[0:40, 0:40].reshape(2, -1).T * 2.5 + 0.1
+    objects = [SemanticObject("box", shapely.box(x, y, x + 0.4, y + 0.4)) for x, y in corners]
+    shapes = LayerShapes.of(SemanticLayer("objects", "map", objects))
+    answer = json.loads(shapes.view((-1, -1, 101, 101), 0.1, Pose2D(), most=400))
+    shown = np.array([feature["at"] for feature in answer["features"]]) > 50
+    for quarter in ([0, 0], [0, 1], [1, 0], [1, 1]):
+        assert 80 <= (shown == quarter).all(axis=1).sum() <= 120
+
+
 def test_classes_can_be_chosen(tmp_path):
     with serving(saved(tmp_path)) as client:
         values = {"bbox": "-50,-50,50,50", "resolution": 0.01, "name": ["cup", "rug"]}

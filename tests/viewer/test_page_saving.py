@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from playwright.sync_api import expect
+from playwright.sync_api import Route, expect
 
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -53,6 +53,20 @@ def test_a_file_that_changed_on_disk_is_not_overwritten_unasked(edited: Edited) 
     mine = objects_of(open_map(edited.path.with_name("mine.hmap")))
     assert mine[CHAIR].name == "armchair"
     assert DESK in mine
+
+
+def test_a_restarted_server_that_refuses_the_page_is_said_to_be_one(edited: Edited) -> None:
+    page = edited.window.page
+
+    def refuse(route: Route) -> None:
+        page.context.clear_cookies()  # the token of the server before
+        route.fulfill(status=403)
+
+    page.route("**/api/events", refuse)
+    page.reload()
+    expect(page.locator("#banner")).to_have_text(
+        "The server was restarted. Open the address that it printed then."
+    )
 
 
 def test_a_file_that_changed_on_disk_is_overwritten_if_asked(edited: Edited) -> None:

@@ -78,8 +78,8 @@ def test_the_options_choose_what_is_seen() -> None:
 
     assert texts() == ["chair", "$\\frac"]
     assert texts(labels=False) == []
-    assert texts(names=["chair"]) == ["chair"]
-    assert texts(layers=["occupancy"]) == []
+    assert texts(names=["chair"]) == texts(names="chair") == ["chair"]
+    assert texts(layers=["occupancy"]) == texts(layers="occupancy") == []
     axes = plot(room(), Figure().add_subplot(), area=shapely.box(1, 0, 4, 3), legend=True)
     assert axes.get_xlim()[0] < 1 < 4 < axes.get_xlim()[1] < 5
     legend = axes.get_legend()

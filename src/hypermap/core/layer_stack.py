@@ -101,7 +101,10 @@ class LayerStack:
 
         Raises:
             HypermapError: If there is one of that name.
+            TypeError: If it is not a layer.
         """
+        if not isinstance(layer, Layer):
+            raise TypeError(f"a map consists of layers, got {type(layer).__name__}")
         if layer.name in self._layers:
             raise HypermapError(
                 f"there are two layers with the name {layer.name!r}; names must be unique"

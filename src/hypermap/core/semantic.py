@@ -235,10 +235,14 @@ class SemanticLayer(Layer):
 
         Raises:
             ValueError: If an id is already in use, or no id is left; then nothing is added.
+            TypeError: If one is not an object.
         """
         if isinstance(objects, SemanticObject):
             return self.add([objects])[0]
         new = list(objects)
+        for item in new:
+            if not isinstance(item, SemanticObject):
+                raise TypeError(f"a layer holds SemanticObjects, got {type(item).__name__}")
         with self._writing:
             now = self._now
             given = [item.id for item in new if item.id is not None]

@@ -18,9 +18,9 @@ from hypermap.values.past import values_at
 def as_of(hypermap: Hypermap, moment: datetime | str | float) -> Hypermap:
     """Return a map as it was at a time: its objects with their names and shapes.
 
-    Measured values are of the samples that had been taken by then (`values.past`). Grids and
-    transforms are those of today, and layers that are not there any more are left out. Mapping
-    cannot continue such a map.
+    Measured values are of the samples that had been taken by then (`values.past`). Grids,
+    notes and transforms are those of today, and layers that are not there any more are left out.
+    Mapping cannot continue such a map.
 
     Args:
         hypermap: a map with a history.
@@ -29,7 +29,7 @@ def as_of(hypermap: Hypermap, moment: datetime | str | float) -> Hypermap:
 
     Raises:
         HypermapError: If the map keeps no history, or it does not reach back so far.
-        ValueError: If the text is not a time.
+        ValueError: If the text or number is not a time.
     """
     stamp = _stamp(moment)
     past, _ = _before(hypermap, lambda time, _: time > stamp, f"at {_said(stamp)}")
@@ -115,7 +115,10 @@ def _holding(layer: SemanticLayer, objects: dict[int | None, SemanticObject]) ->
 def _stamp(moment: datetime | str | float) -> float:
     if isinstance(moment, str):
         moment = datetime.fromisoformat(moment.replace("Z", "+00:00"))
-    return moment.timestamp() if isinstance(moment, datetime) else float(moment)
+    stamp = moment.timestamp() if isinstance(moment, datetime) else float(moment)
+    if math.isnan(stamp):
+        raise ValueError("the time is NaN")
+    return stamp
 
 
 def _said(stamp: float) -> str:

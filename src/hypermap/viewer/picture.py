@@ -137,8 +137,8 @@ def render(
     Args:
         hypermap: the map.
         path: where to save; the suffix chooses the format.
-        layers: names of the layers to draw; None for all that can be drawn.
-        names: classes of objects to draw; None for all.
+        layers: names of the layers to draw, or one; None for all that can be drawn.
+        names: classes of objects to draw, or one; None for all.
         area: what to show, in the base frame [m]; None for all that is known.
         frontiers: borders of the unknown, numbered as given, with where to stand.
         contours: whether to draw lines of equal value over measured values.
@@ -189,6 +189,8 @@ def compose(
     title: str = "",
 ) -> Drawing:
     """Return what `render` draws: all layers brought into the base frame, and the view."""
+    layers = [layers] if isinstance(layers, str) else layers
+    names = [names] if isinstance(names, str) else names
     shown = hypermap.layers if layers is None else [hypermap[name] for name in layers]
     rasters, shapes = _parts(hypermap, shown)
     walls: list[Raster] = []

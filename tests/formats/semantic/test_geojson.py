@@ -6,6 +6,7 @@ import json
 import sys
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 from hypothesis import given
@@ -202,6 +203,13 @@ def test_an_id_that_is_there_twice_is_an_error(times: int) -> None:
     document["features"] *= times
     with pytest.raises(FormatError, match="features: the id 7 appears twice"):
         from_geojson(json.dumps(document))
+
+
+def test_numbers_of_numpy_are_written_as_numbers() -> None:
+    numbers = {"id": np.int64(7), "first_seen": np.float32(1.5), "confidence": [np.float32(0.5)]}
+    item = SemanticObject("cup", shapely.box(0, 0, 1, 1), tags=("cup",), **numbers)
+    [read] = from_geojson(to_geojson(SemanticLayer("objects", "map", [item])))
+    assert (read.id, read.first_seen, read.confidence) == (7, 1.5, (0.5,))
 
 
 def test_attributes_that_json_cannot_hold_are_an_error() -> None:

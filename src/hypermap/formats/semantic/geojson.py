@@ -77,9 +77,17 @@ def to_geojson(layer: SemanticLayer) -> str:
         "features": [feature_of(item) for item in layer.objects()],
     }
     try:
-        return json.dumps(collection, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+        text = json.dumps(collection, ensure_ascii=False, allow_nan=False, indent=1, default=_plain)
+        return text + "\n"
     except (TypeError, ValueError) as error:
         raise FormatError(f"cannot be written as JSON: {error}", key=layer.name) from error
+
+
+def _plain(value: object) -> object:
+    """Return NumPy's numbers and arrays, which attributes may be, as Python's."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"Object of type {type(value).__name__} is not JSON serializable")
 
 
 def from_geojson(
