@@ -23,6 +23,7 @@ from hypermap.fleet.batch.running import key_of
 from hypermap.fleet.batch.table import write_tables
 from hypermap.fleet.workers import Processes
 from hypermap.formats import open_map, save_map
+from hypermap.mapping.pose_graph import correct_poses
 from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.origin import DetectionOrigin
 from hypermap.recordings import open_recording
@@ -79,6 +80,24 @@ def test_each_recording_of_a_folder_is_mapped_and_one_that_fails_leaves_the_othe
     save_map(alone, tmp_path / "alone.hmap")
     made = (tmp_path / "out" / "monday.hmap").read_bytes()
     assert made == (tmp_path / "alone.hmap").read_bytes()
+
+
+def test_poses_that_drift_are_corrected_as_by_map(recordings: Path, tmp_path: Path) -> None:
+    (job, _) = jobs_in(recordings, {"correct_poses": "auto"})[1:]
+    assert key_of(job) != key_of(jobs_in(recordings)[1])
+    (result,) = run_batch([job], tmp_path / "out", Here())
+    assert result.state == "done"
+    corrections = open_map(tmp_path / "out" / "monday.hmap").metadata["pose_corrections"]
+    assert corrections == correct_poses(open_recording(job.recording)).summary()
+
+
+@pytest.mark.parametrize(
+    ("way", "message"),
+    [("grap", r"unknown way 'grap'; did you mean 'graph'"), ("map", "no occupancy map is known")],
+)
+def test_a_wrong_way_to_correct_poses_is_refused(recordings: Path, way: str, message: str) -> None:
+    with pytest.raises(HypermapError, match=rf"job 1: correct_poses.*{message}"):
+        jobs_in(recordings, {"correct_poses": way})
 
 
 def test_only_what_has_changed_is_done_again(recordings: Path, tmp_path: Path) -> None:

@@ -243,3 +243,26 @@ def test_a_drawn_object_stays_where_it_is() -> None:
     drawn = SemanticObject("chair", square(-3), id=0)
     found = after_a_move(edit=HandEdit(drawn=drawn)).objects()
     assert shapely.equals(found[0].footprint, square(-3))
+
+
+def test_the_first_view_at_a_new_place_nearby_does_not_keep_an_object_at_its_old_one() -> None:
+    """That view lies between both places, and so is taken for the object at the old one."""
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(8):
+        evidence.update(seen(square(-2.5 if second == 0 else -2.15), stamp=DAY + second))
+    chair = only(evidence)
+    assert chair.id == 0
+    assert chair.attributes["moved"]["since"] == DAY + 1
+    assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
+
+
+def test_a_few_views_of_an_object_keep_it_where_another_one_has_come_beside_it() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(8):
+        shapes = [square(-3)] if second < 2 else [square(-1.9)]
+        evidence.update(seen(*shapes, stamp=DAY + second, area=RIGHT if second > 1 else ROOM))
+    assert [one.id for one in evidence.objects()] == [0, 1]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hypermap.cli.corrected_poses import CorrectPoses
 from hypermap.cli.finding_options import Detector, Profile
 from hypermap.cli.options import AsJson
 from hypermap.cli.signals import stop_on_signal
@@ -47,6 +48,7 @@ def command(
         typer.Option("--objects/--no-objects", help="Map objects, or only the occupancy layer."),
     ] = True,
     profile: Profile = None,
+    correct_poses: CorrectPoses = None,
     sweeps: Annotated[
         list[str] | None,
         typer.Option(
@@ -92,6 +94,7 @@ def command(
     from hypermap.fleet.batch.table import rows_of, summary, write_tables
 
     common = {"detector": detector, "profile": profile and profile.value, "objects": objects}
+    common["correct_poses"] = correct_poses
     given = {key: value for key, value in common.items() if value is not None}
     jobs = swept(jobs_in(source, given), sweeps or [])
     _check_folder(output)

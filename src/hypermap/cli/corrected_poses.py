@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,13 +23,11 @@ if TYPE_CHECKING:
     from hypermap.mapping.pose_graph.correction import CorrectedPoses
     from hypermap.perception.recording import PendingRecording
 
-_WAYS = ("none", "map", "graph", "auto")
-
 CorrectPoses = Annotated[
     str | None,
     typer.Option(
         "--correct-poses",
-        metavar="|".join(_WAYS),
+        metavar="none|map|graph|auto",
         show_default="map, with the profile default",
         help="Correct the poses of the frames: map: by the occupancy map, if it is known; graph: "
         "without a map, as odometry needs it: frames are matched to each other, loops closed; "
@@ -63,8 +61,10 @@ class PoseCorrection:
     has_map: bool
 
     def __post_init__(self) -> None:
-        if self.way is not None and self.way not in _WAYS:
-            raise HypermapError(f"--correct-poses {self.way}: {did_you_mean(self.way, _WAYS)}")
+        from hypermap.mapping.pose_graph.ways import WAYS
+
+        if self.way is not None and self.way not in WAYS:
+            raise HypermapError(f"--correct-poses {self.way}: {did_you_mean(self.way, WAYS)}")
         if self.way == "map" and not self.has_map:
             raise HypermapError(
                 "--correct-poses map: no occupancy map is known; give --map, or correct by graph"
@@ -75,14 +75,15 @@ class PoseCorrection:
     @property
     def by_graph(self) -> bool:
         """Whether they are corrected without a map."""
-        return self.way == "graph" or (self.way == "auto" and not self.has_map)
+        from hypermap.mapping.pose_graph.ways import is_by_graph
+
+        return is_by_graph(self.way, self.has_map)
 
     def settings(self, config: MappingConfig) -> MappingConfig:
         """Return a configuration that says whether poses are corrected by the map."""
-        if self.way is None or (self.way != "none" and not self.has_map):
-            return config
-        alignment = replace(config.alignment, enabled=self.way in ("map", "auto"))
-        return replace(config, alignment=alignment)
+        from hypermap.mapping.pose_graph.ways import with_way
+
+        return with_way(config, self.way, self.has_map)
 
     def check_file(self, output: Path, inputs: Iterable[Path | None], force: bool) -> None:
         """Make sure that the trajectory can be saved, and not over anything else that is in use.
@@ -177,16 +178,3 @@ def known_map(base: Hypermap, config: MappingConfig) -> bool:
     from hypermap.mapping.going_on import state_of
 
     return state_of(base, config).log_odds is None
-
-
-def described(metadata: dict[str, Any], corrected: CorrectedPoses | None) -> dict[str, Any]:
-    """Return a map's metadata with what became of poses that were corrected without a map.
-
-    What was said of an earlier drive is left out where this one's poses are as recorded.
-    """
-    if corrected is None:
-        is_stale = metadata["poses"] == "as recorded"
-        return {k: v for k, v in metadata.items() if not (is_stale and k == "pose_corrections")}
-    summary = corrected.summary()
-    by = "corrected by a pose graph" if summary["corrected"] else "as recorded"
-    return metadata | {"poses": by, "pose_corrections": summary}

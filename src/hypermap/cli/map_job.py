@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import typer
 
-from hypermap.cli.corrected_poses import CorrectedJob, described
+from hypermap.cli.corrected_poses import CorrectedJob
 from hypermap.cli.map_result import note_frames
 from hypermap.cli.onto import named
 from hypermap.cli.signals import Stop
@@ -116,6 +116,8 @@ def make_map(
                 job.is_same_place,
                 prepare,
             )
+    from hypermap.mapping.pose_graph.ways import described
+
     by_graph = job.corrected.poses
     hypermap.metadata = described(hypermap.metadata, by_graph)
     note_frames(hypermap, pace.counts, job.settings, time.monotonic() - started, pace.rate)

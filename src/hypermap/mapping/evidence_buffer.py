@@ -7,6 +7,7 @@ import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -176,6 +177,7 @@ class EvidenceBuffer:
     def __init__(self, limit: int) -> None:
         self._limit = limit
         self._heights: tuple[float, float] | None = None
+        self._surely_seen: float | None = None
         self.items: list[Evidence] = []
         self._centroids = Column(np.empty((0, 2)))
         self.count = 0
@@ -253,8 +255,21 @@ class EvidenceBuffer:
             self._heights = float(low), float(high)
         return self._heights
 
+    def surely_seen(self, gap: float, fewest: int) -> float:
+        """Return the newest stamp [s], before a long gap if only few pieces are from after it.
+
+        Args:
+            gap: a longer time between two pieces is a gap [s]; always the same.
+            fewest: fewer pieces after a gap are few; always the same.
+        """
+        if self._surely_seen is None:
+            stamps = [evidence.stamp for evidence in self.items[-fewest:]]
+            gaps = [i for i, (a, b) in enumerate(pairwise(stamps)) if b - a > gap]
+            self._surely_seen = stamps[gaps[-1]] if gaps else self.last_seen
+        return self._surely_seen
+
     def _count(self, count: int, score: float, first: float, last: float) -> None:
-        self._heights = None
+        self._heights = self._surely_seen = None
         self.count += count
         self.score_sum += score
         self.first_seen = min(self.first_seen, first)

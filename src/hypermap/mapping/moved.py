@@ -72,7 +72,7 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
     is_own = np.array([track.by_hand is None for track in tracks.objects])
     is_confirmed = is_own & np.array([buffer.count >= CONFIRMED for buffer in buffers])
     first = np.array([began(buffer) for buffer in buffers], np.float64)
-    last = np.array([buffer.last_seen for buffer in buffers], np.float64)
+    last = np.array([left(buffer) for buffer in buffers], np.float64)
     is_there = is_own & (tracks.existence > config.publish_above)
     newest = first[is_there].max(initial=-np.inf)
     is_gone = (tracks.existence <= GONE) & (last < newest)
@@ -104,7 +104,7 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
 
 def _may_have_moved(tracks: TrackTable) -> bool:
     """Return whether any confirmed track may be gone, by what is quickly known of all tracks."""
-    last = np.array([track.buffer.last_seen for track in tracks.objects], np.float64)
+    last = np.array([left(track.buffer) for track in tracks.objects], np.float64)
     may_be_gone = (tracks.existence <= GONE) | (last < last.max(initial=-np.inf) - STALE)
     rows = np.flatnonzero(may_be_gone).tolist()
     return any(tracks.objects[row].buffer.count >= CONFIRMED for row in rows)
@@ -122,6 +122,15 @@ def began(buffer: EvidenceBuffer) -> float:
     second = items[1].stamp
     is_alone = second - items[0].stamp > STALE >= items[-1].stamp - second
     return second if is_alone else buffer.first_seen
+
+
+def left(buffer: EvidenceBuffer) -> float:
+    """Return the stamp up to which there surely was an object [s].
+
+    That is when it was last seen, but for a few observations of a later drive: they may be of what
+    has taken its place.
+    """
+    return buffer.surely_seen(STALE, CONFIRMED)
 
 
 def _leave_out_older(alike: NDArray[np.float64], gone_since: NDArray[np.float64]) -> None:
@@ -149,7 +158,7 @@ def _within_reach(
     centers = [shapely.centroid(tracks.shapes.geometries(rows)) for rows in (gone, there)]
     ways = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
     names = [np.array([tracks.objects[row].name for row in rows]) for rows in (gone, there)]
-    last = np.array([tracks.objects[row].buffer.last_seen for row in gone])
+    last = np.array([left(tracks.objects[row].buffer) for row in gone])
     first = np.array([began(tracks.objects[row].buffer) for row in there])
     is_same_class = names[0][:, None] == names[1][None, :]
     return is_same_class & (first[None, :] > last[:, None]) & (ways <= FARTHEST), ways
@@ -191,10 +200,18 @@ def _may_be_as_high(tracks: TrackTable, one: int, other: int) -> bool:
 
 
 def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
-    """Return whether a track is next to the place of another, not seen since an earlier drive."""
-    begin, end = began(tracks.objects[row].buffer), tracks.objects[other].buffer.last_seen
+    """Return whether a track is next to the place of another, not seen since an earlier drive.
+
+    The first views of a moved object may be taken for the object at its old place. Then more of its
+    own views must have looked there without showing that.
+    """
+    buffer, before = (tracks.objects[one].buffer for one in (row, other))
     shape, was = (tracks.shapes.polygons[one].geometry for one in (row, other))
-    return begin > end + STALE and bool(shapely.dwithin(shape, was, _BESIDE))
+    end = left(before)
+    if not (began(buffer) > end + STALE and shapely.dwithin(shape, was, _BESIDE)):
+        return False
+    strays = sum(item.stamp > end for item in before.items[-CONFIRMED:])
+    return not strays or _views_of(was, buffer.items) >= _VIEWS + strays
 
 
 def moved_within_place(
@@ -255,9 +272,14 @@ def _buffer_of(
 
 def _saw(area: BaseGeometry, items: Sequence[Evidence]) -> bool:
     """Return whether some views of an object saw an area of the floor."""
+    return _views_of(area, items) >= _VIEWS
+
+
+def _views_of(area: BaseGeometry, items: Sequence[Evidence]) -> int:
+    """Return how many views of an object saw an area of the floor."""
     seen = as_objects(item.visible_area for item in items)
     shares = shapely.area(shapely.intersection(seen, area)) / area.area
-    return int(np.count_nonzero(shares >= _COVERED)) >= _VIEWS
+    return int(np.count_nonzero(shares >= _COVERED))
 
 
 def _compared(

@@ -16,6 +16,7 @@ from hypermap.core.errors import FileMissing, FormatError, HypermapError, did_yo
 from hypermap.formats.yaml_text import read_yaml
 from hypermap.mapping.config import MappingConfig, chosen_config
 from hypermap.mapping.overrides import override, read_overrides
+from hypermap.mapping.pose_graph.ways import WAYS
 from hypermap.recordings.open import is_recording
 from hypermap.recordings.options import RecordingOptions
 
@@ -24,7 +25,7 @@ TRUTH = "truth.hmap"
 
 _NAME = re.compile(r"[^\w.@=,-]+")
 _PATHS = ("recording", "labels", "detections", "map", "config", "truth")
-_WORDS = ("name", "detector", "profile")
+_WORDS = ("name", "detector", "profile", "correct_poses")
 _KEYS = (*_PATHS, *_WORDS, "objects", "options")
 
 
@@ -43,6 +44,7 @@ class Job:
         objects: whether objects are mapped.
         map: occupancy map (map_server YAML); None for one made from depth.
         truth: the true map; None if it is not known.
+        correct_poses: how poses are corrected, one of `WAYS`; None for that of `config`.
         settings: those that vary in this batch, as ("evidence.loss", 0.1).
     """
 
@@ -56,6 +58,7 @@ class Job:
     objects: bool = True
     map: Path | None = None
     truth: Path | None = None
+    correct_poses: str | None = None
     settings: tuple[tuple[str, Any], ...] = ()
 
 
@@ -182,6 +185,7 @@ def _job(entry: Any, common: Mapping[str, Any], folder: Path, path: Path, place:
         detections=paths.get("detections"),
         objects=values.get("objects", True),
         map=paths.get("map"),
+        correct_poses=_way(values, path, place),
         truth=paths.get("truth") or (own_truth if own_truth.is_file() else None),
     )
 
@@ -194,6 +198,16 @@ def _check_name(named: Path, path: Path, key: str) -> None:
         return
     except (OSError, ValueError) as error:
         raise FormatError(f"no file can have this name: {error}", path=path, key=key) from None
+
+
+def _way(values: Mapping[str, Any], path: Path, place: str) -> str | None:
+    way: str | None = values.get("correct_poses")
+    key = f"{place}: correct_poses"
+    if way is not None and way not in WAYS:
+        raise FormatError(f"unknown way {way!r}; {did_you_mean(way, WAYS)}", path=path, key=key)
+    if way == "map" and values.get("map") is None:
+        raise FormatError("no occupancy map is known; give map, or graph", path=path, key=key)
+    return way
 
 
 def _config(values: Mapping[str, Any], file: Path | None, path: Path, place: str) -> MappingConfig:

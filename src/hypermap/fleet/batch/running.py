@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from hypermap._version import __version__
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.evaluation import evaluate, map_objects
 from hypermap.fleet.batch.jobs import Job
@@ -19,9 +21,13 @@ from hypermap.formats import save_map
 from hypermap.formats.any_file import open_any
 from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.mapping.config import to_dict
+from hypermap.mapping.pose_graph import CorrectedRecording, correct_poses
+from hypermap.mapping.pose_graph.ways import described, is_by_graph, with_way
 from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.catalog import known_network
 from hypermap.perception.detectors.origin import detection_origin
+from hypermap.perception.frame import DetectionSource
+from hypermap.perception.recording import PendingRecording
 from hypermap.recordings import open_recording
 
 _CHUNK = 1 << 20  # bytes that are read at a time
@@ -65,7 +71,7 @@ def run(job: Job, known_key: str | None, threads: int) -> Done:
     )
     occupancy = None if job.map is None else load_occupancy(job.map, recording.frame_id)
     source = None if origin is None else origin.open(threads)
-    hypermap = map_recording(recording, source, job.config, occupancy)
+    hypermap = _mapped(job, recording, source, occupancy)
     seconds = time.monotonic() - began
     frames = sum(hypermap.metadata["frames"].values())
     figures = {
@@ -82,6 +88,23 @@ def run(job: Job, known_key: str | None, threads: int) -> Done:
         return Done(key, path.read_bytes(), figures)
 
 
+def _mapped(
+    job: Job,
+    recording: PendingRecording,
+    source: DetectionSource | None,
+    occupancy: OccupancyLayer | None,
+) -> Hypermap:
+    """Return the map of a job, whose poses are corrected first if it says so."""
+    has_map = occupancy is not None
+    config = with_way(job.config, job.correct_poses, has_map)
+    if not is_by_graph(job.correct_poses, has_map):
+        return map_recording(recording, source, config, occupancy)
+    poses = correct_poses(recording)
+    hypermap = map_recording(CorrectedRecording(recording, poses.poses), source, config, occupancy)
+    hypermap.metadata.update(described(hypermap.metadata, poses))
+    return hypermap
+
+
 def key_of(job: Job) -> str:
     """Return a hash of all that a map depends on: contents of files, configuration and version."""
     digest = hashlib.blake2b(digest_size=16)
@@ -91,6 +114,7 @@ def key_of(job: Job) -> str:
         "options": vars(job.options),
         "objects": job.objects,
         "detector": job.detector,
+        **({} if job.correct_poses is None else {"correct_poses": job.correct_poses}),
     }
     digest.update(json.dumps(settings, sort_keys=True, default=str).encode())
     network = None if job.detector is None else known_network(job.detector)
