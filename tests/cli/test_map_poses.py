@@ -162,3 +162,17 @@ def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_ma
     assert sum(described["metadata"]["pose_corrections"]["as_recorded"].values()) == 6
     layers = described["layers"]
     assert [layer["frame_id"] for layer in layers] == ["hall", "hall"]
+
+
+def test_a_given_map_of_another_place_is_warned_of(hypermap, drive, room_map, tmp_path):
+    given = tmp_path / "given.yaml"
+    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
+    text = given.read_text()
+    warning = "warning: the map has no free space at any place of the camera; is it of this place"
+    for origin, is_warned in (("[500000, 5400000, 0]", True), (None, False)):
+        moved = re.sub(r"origin:.*(\n- .*)*", f"origin: {origin}", text) if origin else text
+        given.write_text(moved)
+        arguments = ["--intrinsics", INTRINSICS, "--map", given, "-o", tmp_path / "out.hmap"]
+        made = hypermap("map", drive, *arguments)
+        assert made.code == 0
+        assert (warning in made.err) == is_warned

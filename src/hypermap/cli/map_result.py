@@ -43,7 +43,7 @@ def note_frames(
     hypermap: Hypermap, counts: Counts, settings: MappingConfig, seconds: float, rate: float | None
 ) -> None:
     """Say what became of the frames; `rate` is their number per second once code is loaded."""
-    from hypermap.mapping.corrections import sentence
+    from hypermap.mapping.corrections import NO_MAP, sentence
 
     pace = f" ({rate:.1f}/s after the first, which loads compiled code)" if rate else ""
     note(
@@ -61,6 +61,11 @@ def note_frames(
         )
     if corrections := hypermap.metadata.get("pose_corrections"):
         note(sentence(corrections))
+        if corrections["as_recorded"].get(NO_MAP) == counts.used:
+            note(
+                "warning: the map has no free space at any place of the camera; is it of this "
+                "place, and in the frame of the poses?"
+            )
     elif settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
         note(
             "poses were used as recorded; if they drift, --correct-poses graph corrects them "
