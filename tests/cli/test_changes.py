@@ -66,6 +66,8 @@ def test_a_query_may_ask_the_map_as_it_was(hypermap: Run, office: Path) -> None:
     assert_one_error(
         hypermap("query", office, "--as-of", "soon"), "--as-of 'soon': expected a time"
     )
+    for unknown in (("query", "--name", "sofa", "--as-of", "v99"), ("changes", "--since", "v99")):
+        assert_one_error(hypermap(unknown[0], office, *unknown[1:]), "there is no version 99")
 
 
 def test_history_lists_versions_and_bounds_and_exports_them(

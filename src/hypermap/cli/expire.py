@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from datetime import datetime
+from typing import Annotated
 
 import typer
 
 from hypermap.cli.options import MapPath
-from hypermap.cli.terminal import say
+from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError, ObjectNotFound
 from hypermap.text import printable
-
-if TYPE_CHECKING:
-    from datetime import datetime
 
 
 def command(
@@ -69,6 +67,8 @@ def command(
         save_map(hypermap, path)
     said = "never expires" if moment is None else f"expires on {moment:%Y-%m-%d at %H:%M %Z}"
     say(f"{printable(item.name)} {object_id} {said}".rstrip())
+    if moment is not None and moment <= datetime.now(moment.tzinfo):
+        note("warning: that is in the past, so it answers no query any more; undo by --until never")
 
 
 def _later(text: str) -> datetime | None:

@@ -10,7 +10,7 @@ from datetime import datetime
 from hypermap.core.errors import HypermapError
 from hypermap.core.history import Change, Revision
 from hypermap.core.hypermap import Hypermap
-from hypermap.history import as_of, at_version
+from hypermap.history import as_of, at_version, check_version
 from hypermap.questions.times import parse_moment, time_of
 
 
@@ -61,6 +61,7 @@ def changes_since(
     dated = list(hypermap.history.dated())
     version = None if moment is None else version_in(moment)
     if version is not None:
+        check_version(hypermap, version)
         later = [revision for _, revision in dated if revision.version > version]
     elif moment is not None:
         begin = parse_moment(moment, option).timestamp()

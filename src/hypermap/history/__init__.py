@@ -3,7 +3,7 @@
 from hypermap.history.differences import differences
 from hypermap.history.expiry import EXPIRES, expiry_of, in_force, next_expiry
 from hypermap.history.grown import begin_history, begun, grown, keeps_history, version_of
-from hypermap.history.past import as_of, at_version
+from hypermap.history.past import as_of, at_version, check_version
 from hypermap.history.policy import POLICY, HistoryPolicy
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "at_version",
     "begin_history",
     "begun",
+    "check_version",
     "differences",
     "expiry_of",
     "grown",

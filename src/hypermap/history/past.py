@@ -12,6 +12,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.value_layer import ValueLayer
 from hypermap.history.expiry import in_force
+from hypermap.history.grown import version_of
 from hypermap.values.past import values_at
 
 
@@ -43,11 +44,20 @@ def at_version(hypermap: Hypermap, version: int) -> Hypermap:
         HypermapError: If there is no such version yet, the map keeps no history, or it does not
             reach back so far.
     """
-    newest = hypermap.metadata.get(MAP_VERSION)
-    if isinstance(newest, int) and version > newest:
-        raise HypermapError(f"there is no version {version} of the map; the newest is {newest}")
+    check_version(hypermap, version)
     past, stamp = _before(hypermap, lambda _, one: one.version > version, f"in version {version}")
     return _with_values_at(past, stamp)
+
+
+def check_version(hypermap: Hypermap, version: int) -> None:
+    """Refuse a version that a map does not have yet.
+
+    Raises:
+        HypermapError: If it is later than the newest.
+    """
+    newest = version_of(hypermap)
+    if newest and version > newest:
+        raise HypermapError(f"there is no version {version} of the map; the newest is {newest}")
 
 
 def _with_values_at(hypermap: Hypermap, stamp: float) -> Hypermap:
