@@ -145,6 +145,17 @@ def test_a_camera_that_hangs_upside_down_without_its_pose_saying_so_is_reported(
     assert "tf" in found.remedy
 
 
+def test_without_a_floor_only_the_poses_say_that_images_are_upright() -> None:
+    for frames, said in ((room()[::3], "the images"), (room()[:2], "by their poses, the images")):
+        preflight = Preflight()
+        for frame in frames:
+            preflight.add(frame)
+            preflight.add_mapped(frame)
+        (found,) = (one for one in preflight.findings() if one.check == "upright")
+        assert not found.is_wrong
+        assert found.measured.startswith(f"{said} are upright")
+
+
 def test_color_that_cannot_be_read_is_left_out() -> None:
     from hypermap.core.errors import FormatError
 

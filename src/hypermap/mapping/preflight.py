@@ -205,6 +205,8 @@ class Preflight:
             )
         turned = 180 if -down < _UPSIDE_DOWN else 270 if right > _SIDEWAYS else 0
         turned = 90 if right < -_SIDEWAYS else turned
+        if not turned and floor is None:
+            return Finding("upright", "by their poses, the images are upright; no floor shows it")
         if not turned:
             return Finding("upright", "the images are upright")
         return Finding(
