@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections import Counter
 from collections.abc import Iterator
 from itertools import cycle
 from pathlib import Path
@@ -40,6 +41,7 @@ _EVENTS = ("restart", "jump", "without detections", "without depth", "other cloc
 _EVERY = 7  # frames, of which the last meets an event
 _YEARS = 4 * 10**17  # ns
 _PATIENCE = 120.0  # s for one frame of the live node
+_LOOKED_AT = {Fate.MAPPED, Fate.STILL}
 
 
 def run(budget: Budget) -> Result:
@@ -208,7 +210,7 @@ class _Day:
         clock: what time it is [ns].
         lives: how often the node began.
         mapped: frames that it was shown whole.
-        lost: when those came that it did not map [ns].
+        lost: when those came that it did not map [ns], and what became of them instead.
         objects: how many it knew each time that it ended.
         findings: what else went wrong, in words.
     """
@@ -216,7 +218,7 @@ class _Day:
     def __init__(self, saved: Path, seed: int) -> None:
         self.clock = 1_600_000_000 * 10**9
         self.lives = self.mapped = 0
-        self.lost: list[int] = []
+        self.lost: list[str] = []
         self.objects: list[int] = []
         self.findings: list[str] = []
         self.robot = Robot(save_to=str(saved), save_every=0.0, patience=0.5)
@@ -259,16 +261,17 @@ class _Day:
 
     def _show(self, frame: RgbdFrame) -> None:
         """Show a frame whole, and wait until the node has mapped it."""
-        before = self._looked_at()
+        before = self._fates()
         self.robot.show(frame, self.clock)
         limit = time.monotonic() + _PATIENCE
-        while self._looked_at() == before and time.monotonic() < limit:
+        while not _LOOKED_AT & (self._fates() - before).keys():
+            if time.monotonic() > limit:
+                new = ", ".join(fate.value for fate in self._fates() - before)
+                self.lost.append(f"{self.clock}: {new or 'nothing'}")
+                break
             time.sleep(0.001)
-        if self._looked_at() == before:
-            self.lost.append(self.clock)
         self.mapped += 1
 
-    def _looked_at(self) -> int:
+    def _fates(self) -> Counter[Fate]:
         report = self.node.report()
-        totals = {} if report is None else report.totals
-        return totals.get(Fate.MAPPED, 0) + totals.get(Fate.STILL, 0)
+        return Counter({} if report is None else report.totals)

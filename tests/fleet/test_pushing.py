@@ -18,10 +18,12 @@ from hypermap import Hypermap, open_map, save_map
 from hypermap.cli.main import main
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.fleet.store import migrating
 from hypermap.fleet.store.address import StoreError, parse_address
-from hypermap.fleet.store.database import Database
+from hypermap.fleet.store.database import SCHEMA_VERSION, Database
 from hypermap.fleet.store.pushing import Conflict, SiteExists, pull, push
 from hypermap.fleet.store.sites import SiteNotFound, history, list_sites
+from hypermap.fleet.store.tables import SRID
 from hypermap.testing import assert_same_map, occupancy_from_text, square
 from hypermap.testing.builders import jpeg_picture
 
@@ -264,6 +266,17 @@ def test_another_schema_version_is_refused(
         with connect(database.address) as connection:
             connection.execute("DELETE FROM hypermap.store_version")
             connection.execute("INSERT INTO hypermap.store_version VALUES (%s)", (SCHEMA_VERSION,))
+
+
+def test_only_one_program_at_a_time_migrates_a_store(
+    database: Database, store: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(migrating, "_PATIENCE", 20)
+    database.connected().execute("SELECT pg_advisory_lock(%s)", (SRID,))
+    with pytest.raises(StoreError, match="another program is migrating it"):
+        migrating.migrate(parse_address(store))
+    database.close()
+    assert migrating.migrate(parse_address(store)) == SCHEMA_VERSION
 
 
 @pytest.mark.parametrize(

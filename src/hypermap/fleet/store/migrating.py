@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from hypermap.core.errors import MissingExtra
 from hypermap.fleet.store.address import Address, StoreError
 from hypermap.fleet.store.database import connect, errors
+from hypermap.fleet.store.tables import SRID
 
 VERSION_TABLE = "store_version"
 _FOLDER = Path(__file__).parent / "migrations"
+_PATIENCE = 60_000  # ms, for another program
 
 
 def migrate(address: Address) -> str:
@@ -19,8 +23,8 @@ def migrate(address: Address) -> str:
         The version of the schema.
 
     Raises:
-        StoreError: If PostGIS is not installed, the user may not create tables and roles, or a
-            later program has made the store.
+        StoreError: If PostGIS is not installed, the user may not create tables and roles, a
+            later program has made the store, or another is making it.
         MissingExtra: If Alembic is not installed.
     """
     try:
@@ -31,16 +35,17 @@ def migrate(address: Address) -> str:
         from sqlalchemy import create_engine, exc, pool
     except ImportError:
         raise MissingExtra("making a store in PostgreSQL", "store") from None
-    _add_extensions(address)
     config = Config()
     config.set_main_option("script_location", str(_FOLDER).replace("%", "%%"))
     engine = create_engine(
         "postgresql+psycopg://", creator=lambda: connect(address), poolclass=pool.NullPool
     )
     try:
-        with engine.begin() as connection:
-            config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+        with _turn(address):
+            _add_extensions(address)
+            with engine.begin() as connection:
+                config.attributes["connection"] = connection
+                command.upgrade(config, "head")
     except CommandError:
         raise StoreError(
             f"{address.shown}: a later version of Hypermap made this store; update Hypermap"
@@ -49,6 +54,18 @@ def migrate(address: Address) -> str:
         reason = str(error.orig).splitlines()[0]
         raise StoreError(f"{address.shown}: cannot create the tables: {reason}") from None
     return ScriptDirectory.from_config(config).get_current_head() or ""
+
+
+@contextlib.contextmanager
+def _turn(address: Address) -> Iterator[None]:
+    """Wait until no other program migrates the store; one that was killed may go on for a while."""
+    with connect(address) as connection:
+        connection.execute("SELECT set_config('lock_timeout', %s, false)", (f"{_PATIENCE}ms",))
+        try:
+            connection.execute("SELECT pg_advisory_lock(%s)", (SRID,))
+        except errors.LockNotAvailable:
+            raise StoreError(f"{address.shown}: another program is migrating it") from None
+        yield
 
 
 def _add_extensions(address: Address) -> None:
