@@ -11,7 +11,7 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.testing import square
 
-from .conftest import answered
+from .conftest import answered, assert_one_error
 
 
 def test_an_output_is_checked_before_the_work_begins(tmp_path):
@@ -28,6 +28,24 @@ def test_an_output_is_checked_before_the_work_begins(tmp_path):
             check_output(path, replace)
         assert str(path) in str(error.value)
         assert reason in str(error.value)
+
+
+def test_no_command_changes_a_write_protected_map_unasked(hypermap, tmp_path):
+    path, other = tmp_path / "a.hmap", tmp_path / "b.hmap"
+    for each in (path, other):
+        save_map(Hypermap([SemanticLayer("zones", "map", [square("zone", 0, 0)])]), each)
+    path.chmod(0o444)
+    before = path.read_bytes()
+    for command, *arguments in (
+        ("notes", path, "--write", "x", "--place", "1,1"),
+        ("expire", path, "0", "--until", "2h"),
+        ("history", path, "--keep", "5d"),
+        ("connect", other, "0,0", path, "0,0"),
+    ):
+        message = f"{path} is write-protected, so it is not changed; make it writable"
+        assert_one_error(hypermap(command, *arguments), message)
+    assert path.read_bytes() == before
+    assert hypermap("notes", path).code == 0
 
 
 @pytest.mark.parametrize(("answer", "code"), [("n\n", 2), ("y\n", 0), ("\x04", 130)])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import MapPath
+from hypermap.cli.options import MapPath, check_edited
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
 
@@ -84,6 +84,8 @@ def command(
             raise HypermapError(f"{file}: only .hmap files can contain lifts and stairs")
     if path.absolute() == other.absolute():
         raise HypermapError(f"{path}: a lift or stairs must lead to another map")
+    for file in (path, other):
+        check_edited(file)
     with turn_to_edit(path, other):
         connected = {
             path: _connected(path, here, other, far, kind, name, length, floor),

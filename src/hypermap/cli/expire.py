@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath
+from hypermap.cli.options import MapPath, check_edited
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError, ObjectNotFound
 from hypermap.text import printable
@@ -53,7 +53,9 @@ def command(
     if layer is not None and len(layer) > 1:
         raise HypermapError("give --layer once")
     moment = _later(until)
-    with turn_to_edit(path / CONFIG_NAME if path.is_dir() else path):
+    file = path / CONFIG_NAME if path.is_dir() else path
+    check_edited(file)
+    with turn_to_edit(file):
         hypermap = open_map(path)
         objects = hypermap.semantic(layer[0] if layer else None)
         try:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.options import AsJson, Force, MapPath, check_edited, check_output
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.text import counted, printable
 
@@ -87,6 +87,7 @@ def _set_policy(hypermap: Hypermap, path: Path, keep: str | None, max_mb: float 
     from hypermap.formats import save_map
     from hypermap.history import POLICY, HistoryPolicy, begin_history
 
+    check_edited(path)
     given = {"keep": keep, "max_mb": max_mb}
     values = _policy(hypermap) | {key: value for key, value in given.items() if value is not None}
     hypermap.metadata[POLICY] = asdict(HistoryPolicy(**values))

@@ -12,7 +12,7 @@ import typer
 from hypermap.cli.asked_note import AskedNote
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.notes_shown import list_notes, show_note
-from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.options import AsJson, Force, MapPath, check_edited, check_output
 from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say_json
 from hypermap.console.options import AN_AREA
@@ -241,6 +241,8 @@ def command(
         check_output(output, force)
     new = sys.stdin.read() if write == "-" else write
     is_changed = bool(changes) or inside_up_to is not None
+    if is_changed and output is None:
+        check_edited(path)
     with turn_to_edit(*([path] if is_changed else [])):
         hypermap = open_map(path)
         if inside_up_to is not None:

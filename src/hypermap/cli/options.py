@@ -66,6 +66,20 @@ def check_output(path: Path, replace: bool) -> None:
         )
 
 
+def check_edited(path: Path) -> None:
+    """Make sure that a map may be changed in place, as `check_output` does for other files.
+
+    Raises:
+        HypermapError: If it is write-protected.
+        typer.Exit: If Ctrl-C is the answer.
+    """
+    from hypermap.formats.atomic import is_write_protected
+
+    if is_write_protected(path):
+        refused = f"{path} is write-protected, so it is not changed; make it writable"
+        _ask(f"{path} is write-protected. Change it?", refused, path)
+
+
 def check_map_output(path: Path, force: bool) -> None:
     """Make sure before mapping that the map can be saved, and that this destroys no one's work.
 
