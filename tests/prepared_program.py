@@ -36,6 +36,11 @@ def import_all(packages: list[str]) -> None:
             if not module.name.startswith((*APART, "hypermap.__main__")):
                 with contextlib.suppress(Exception):
                     importlib.import_module(module.name)
+    # Numba imports a third of a second's worth when the first loop runs.
+    from numba.core.registry import cpu_target
+
+    cpu_target.typing_context.refresh()
+    cpu_target.target_context.refresh()
 
 
 def next_job(channel: socket.socket) -> dict[str, Any]:
