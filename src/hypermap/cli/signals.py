@@ -12,6 +12,7 @@ import logging
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -19,7 +20,7 @@ from typing import NoReturn
 
 from hypermap.ros.signals import on_end_signals
 
-_SOON = 0.01  # s
+_SOON = 0.05  # s
 _ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 
 _log = logging.getLogger(__name__)
@@ -93,7 +94,9 @@ def ended_by_signals() -> Iterator[None]:
             before(lost)
         elif came:
             # From a thread, as Python would handle it right here otherwise, and drop it again.
-            threading.Timer(_SOON, signal.raise_signal, [came[-1]]).start()
+            is_done = threading.Event()
+            threading.Thread(target=_send_after, args=[is_done, came[-1]], daemon=True).start()
+            is_done.set()  # it takes its time to start where the machine is busy
         # Otherwise it is of a node that handles signals itself, and has noted that it is to end.
 
     before, sys.unraisablehook = sys.unraisablehook, send_again
@@ -107,6 +110,12 @@ def ended_by_signals() -> Iterator[None]:
         raise SystemExit(128 + came[-1]) from error
     finally:
         sys.unraisablehook = before
+
+
+def _send_after(event: threading.Event, number: int) -> None:
+    event.wait()
+    time.sleep(_SOON)
+    signal.raise_signal(number)
 
 
 @contextmanager
