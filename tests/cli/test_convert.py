@@ -136,6 +136,12 @@ def test_what_is_only_written_is_said_so(hypermap, tmp_path, name, message):
     assert_one_error(hypermap("convert", tmp_path / name, tmp_path / "a.hmap"), name, message)
 
 
+def test_no_folder_is_made_for_standard_output(hypermap, room_map, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert_one_error(hypermap("convert", room_map, "-"), "not written to standard output")
+    assert list(tmp_path.glob("-")) == []
+
+
 def test_what_exists_is_replaced_only_by_force(hypermap, room_map, tmp_path):
     folder = tmp_path / "folder"
     folder.mkdir()

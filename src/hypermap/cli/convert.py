@@ -156,6 +156,8 @@ def _chosen(hypermap: Hypermap, names: list[str] | None) -> Hypermap:
 def _save_folder(
     hypermap: Hypermap, source: Path, target: Path, semantic: SemanticForm, force: bool
 ) -> None:
+    if str(target) == "-":
+        raise HypermapError("maps are not written to standard output; name a file or a folder")
     if target.exists() and not target.is_dir():
         raise HypermapError(f"{target}: this is a file; a name without an ending means a folder")
     if target.is_dir() and any(target.iterdir()) and not force:

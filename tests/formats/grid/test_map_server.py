@@ -177,6 +177,15 @@ def test_a_warning_names_unknown_cells_that_the_threshold_makes_free(
     assert not caplog.messages
 
 
+def test_a_warning_says_what_a_yaw_in_degrees_is_in_radians(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    for yaw, count in (("6.28", 0), ("-90", 1)):
+        load(picture([[0, 254]]), YAML.replace("-1.0, 2.0, 0.5", f"1, 2, {yaw}"))
+        assert len(caplog.messages) == count
+    assert caplog.messages[0].endswith("if these are degrees, set it to -1.5708")
+
+
 @pytest.mark.parametrize(
     ("image", "message"),
     [

@@ -7,6 +7,7 @@ top of the map.
 from __future__ import annotations
 
 import logging
+import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
@@ -166,6 +167,7 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
     Raises:
         FormatError: If it is not a picture, is damaged, or has more pixels than are allowed.
     """
+    _warn_of_degrees(described.origin[2], path)
     size = gray_alpha_size(content)
     if size is not None:
         check_cells(size[0] * size[1], f"{size[0]} x {size[1]} cells", path)
@@ -178,6 +180,18 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
     picture = decode_gray(content, path)
     _warn_of_unknown_as_free(picture, described, path)
     return cells_from_picture(picture, described)
+
+
+def _warn_of_degrees(yaw: float, path: str) -> None:
+    """Warn of a yaw that is more than a whole turn in radians."""
+    if abs(yaw) > 2 * math.pi:
+        logger.warning(
+            "%s: the map is turned by %g radians, the yaw of its origin; if these are degrees, "
+            "set it to %.4f",
+            path,
+            yaw,
+            math.radians(yaw),
+        )
 
 
 def _warn_of_unknown_as_free(picture: GrayPicture, described: MapYaml, path: str) -> None:
