@@ -13,7 +13,8 @@ _LOOKED_FOR = (
     "a TUM RGB-D folder (rgb.txt, depth.txt, groundtruth.txt), "
     "a 7-Scenes folder (frame-000000.color.jpg or .png, .depth.png, .pose.txt, ...), "
     "a ROS 1 bag (NAME.bag, or a folder of its parts NAME_0.bag, NAME_1.bag, ...) or a ROS 2 bag "
-    "(a folder with metadata.yaml, NAME.db3 or NAME.mcap)"
+    "(a folder with metadata.yaml, NAME.db3 or NAME.mcap); docs/recordings.md shows how to convert "
+    "others, such as ScanNet's and Replica's"
 )
 _BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
 
