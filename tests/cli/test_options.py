@@ -8,7 +8,8 @@ from hypermap.cli.options import check_output
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats import open_map, save_map
+from hypermap.formats import locks, open_map, save_map
+from hypermap.formats.locks import turn_to_edit
 from hypermap.testing import square
 
 from .conftest import answered, assert_one_error
@@ -30,20 +31,27 @@ def test_an_output_is_checked_before_the_work_begins(tmp_path):
         assert reason in str(error.value)
 
 
-def test_no_command_changes_a_write_protected_map_unasked(hypermap, tmp_path):
+def test_commands_change_a_map_one_by_one_and_none_that_is_write_protected(
+    hypermap, tmp_path, monkeypatch
+):
     path, other = tmp_path / "a.hmap", tmp_path / "b.hmap"
     for each in (path, other):
         save_map(Hypermap([SemanticLayer("zones", "map", [square("zone", 0, 0)])]), each)
-    path.chmod(0o444)
     before = path.read_bytes()
-    for command, *arguments in (
+    changes = (
         ("notes", path, "--write", "x", "--place", "1,1"),
         ("expire", path, "0", "--until", "2h"),
         ("history", path, "--keep", "5d"),
         ("connect", other, "0,0", path, "0,0"),
-    ):
+    )
+    monkeypatch.setattr(locks, "_PATIENCE", 0.0)
+    with turn_to_edit(path):
+        for words in changes:
+            assert_one_error(hypermap(*words), f"{path}: another program is changing it; try again")
+    path.chmod(0o444)
+    for words in changes:
         message = f"{path} is write-protected, so it is not changed; make it writable"
-        assert_one_error(hypermap(command, *arguments), message)
+        assert_one_error(hypermap(*words), message)
     assert path.read_bytes() == before
     assert hypermap("notes", path).code == 0
 

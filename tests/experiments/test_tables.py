@@ -76,8 +76,16 @@ def test_tables_of_other_worlds_do_not_stay_next_to_new_ones(tmp_path: Path) -> 
     save_tables([TABLE, replace(TABLE, name="floor")], tmp_path)
     for name in ("own.csv", "own.tex", "floor-notes.csv"):
         (tmp_path / name).write_text(latex_of(TABLE))  # labeled as another file
+    (tmp_path / "folder.tex").mkdir()
     save_tables([TABLE], tmp_path)
-    kept = ["floor-notes.csv", "lab-methods.csv", "lab-methods.tex", "own.csv", "own.tex"]
+    kept = [
+        "floor-notes.csv",
+        "folder.tex",
+        "lab-methods.csv",
+        "lab-methods.tex",
+        "own.csv",
+        "own.tex",
+    ]
     assert sorted(file.name for file in tmp_path.iterdir()) == kept
 
 

@@ -126,7 +126,20 @@ def test_one_false_detection_days_ago_does_not_hide_that_an_object_was_moved_the
         evidence.update(seen(square(3), stamp=DAY + second))
     chair = only(evidence)
     assert chair.id == number
-    assert ("moved" in chair.attributes) == (number == 0)
+    moved = chair.attributes.get("moved")
+    assert (moved is None) if number else (moved["since"] == DAY)
+
+
+def test_an_older_drive_that_is_mapped_last_may_show_that_an_object_was_moved() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), area=LEFT, stamp=DAY + second))
+    for second in range(60):
+        evidence.update(seen(square(3), stamp=2 * DAY + second))
+    assert [item.id for item in evidence.objects()] == [1]
+    for second in range(2):  # the new place, empty
+        evidence.update(seen(square(0, 5), stamp=second))
+    assert 0 in {item.id for item in evidence.objects()}
 
 
 def test_an_object_that_comes_back_is_the_same() -> None:
@@ -266,3 +279,14 @@ def test_a_few_views_of_an_object_keep_it_where_another_one_has_come_beside_it()
         shapes = [square(-3)] if second < 2 else [square(-1.9)]
         evidence.update(seen(*shapes, stamp=DAY + second, area=RIGHT if second > 1 else ROOM))
     assert [one.id for one in evidence.objects()] == [0, 1]
+
+
+@pytest.mark.parametrize("place", [-1.9, 3.0], ids=["beside", "elsewhere"])
+def test_two_objects_that_one_frame_shows_are_not_one_that_was_moved(place: float) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(60):  # soon after, the first one is taken away
+        shapes = [square(-3), square(place)] if second < 2 else [square(place)]
+        evidence.update(seen(*shapes, stamp=DAY + second))
+    assert only(evidence).id == 1

@@ -82,6 +82,16 @@ def test_hulls_are_sampled_alike_wherever_their_ring_begins(corners) -> None:
     assert found.width == pytest.approx(turned.width)
 
 
+def test_a_hole_in_a_shape_does_not_matter() -> None:
+    hull = shapely.convex_hull(shapely.box(0, 0, 2, 2))
+    pierced = hull.difference(shapely.box(1.0, 1.2, 1.8, 1.8))
+    hole = shapely.get_coordinates(shapely.convex_hull(pierced.interiors[0]))
+    for ring in (hole, hole[::-1]):
+        found = sample_points(PreparedPolygon.of(shapely.Polygon(hull.exterior, [ring])))
+        np.testing.assert_allclose(found.xy[0], (1, 1))
+        assert found.width == pytest.approx(2 * np.sqrt(2))
+
+
 def test_without_objects_there_is_nothing_to_see() -> None:
     seen = visible_shares(looking_along_x(4.0), [], np.empty((0, 2)), 0.15)
     assert len(seen.visible) == len(seen.through) == len(seen.beyond) == 0

@@ -61,7 +61,7 @@ class PoseCorrection:
     has_map: bool
 
     def __post_init__(self) -> None:
-        from hypermap.mapping.pose_graph.ways import WAYS
+        from hypermap.mapping.pose_ways import WAYS
 
         if self.way is not None and self.way not in WAYS:
             raise HypermapError(f"--correct-poses {self.way}: {did_you_mean(self.way, WAYS)}")
@@ -75,13 +75,13 @@ class PoseCorrection:
     @property
     def by_graph(self) -> bool:
         """Whether they are corrected without a map."""
-        from hypermap.mapping.pose_graph.ways import is_by_graph
+        from hypermap.mapping.pose_ways import is_by_graph
 
         return is_by_graph(self.way, self.has_map)
 
     def settings(self, config: MappingConfig) -> MappingConfig:
         """Return a configuration that says whether poses are corrected by the map."""
-        from hypermap.mapping.pose_graph.ways import with_way
+        from hypermap.mapping.pose_ways import with_way
 
         return with_way(config, self.way, self.has_map)
 

@@ -57,12 +57,19 @@ def command(
         hypermap history office.hmap --export changes.parquet
     """
     from hypermap.formats import open_map
+    from hypermap.formats.config import CONFIG_NAME
+    from hypermap.formats.locks import turn_to_edit
 
     if export is not None:
         check_output(export, force)
-    hypermap = open_map(path)
-    if keep is not None or max_mb is not None:
-        _set_policy(hypermap, path, keep, max_mb)
+    is_changed = keep is not None or max_mb is not None
+    file = path / CONFIG_NAME if path.is_dir() else path
+    if is_changed:
+        check_edited(file)
+    with turn_to_edit(*([file] if is_changed else [])):
+        hypermap = open_map(path)
+        if is_changed:
+            _set_policy(hypermap, path, keep, max_mb)
     if export is not None:
         _export(hypermap, export)
     rows = _versions(hypermap)
@@ -87,7 +94,6 @@ def _set_policy(hypermap: Hypermap, path: Path, keep: str | None, max_mb: float 
     from hypermap.formats import save_map
     from hypermap.history import POLICY, HistoryPolicy, begin_history
 
-    check_edited(path)
     given = {"keep": keep, "max_mb": max_mb}
     values = _policy(hypermap) | {key: value for key, value in given.items() if value is not None}
     hypermap.metadata[POLICY] = asdict(HistoryPolicy(**values))

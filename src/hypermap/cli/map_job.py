@@ -116,7 +116,7 @@ def make_map(
                 job.is_same_place,
                 prepare,
             )
-    from hypermap.mapping.pose_graph.ways import described
+    from hypermap.mapping.pose_ways import described
 
     by_graph = job.corrected.poses
     hypermap.metadata = described(hypermap.metadata, by_graph)

@@ -204,7 +204,7 @@ def save_tables(tables: Sequence[Table], folder: Path) -> None:
     """
     folder.mkdir(exist_ok=True)
     taken: set[str] = set()
-    for old in [file for file in folder.glob("*.tex") if _is_table(file)]:
+    for old in [file for file in folder.glob("*.tex") if file.is_file() and _is_table(file)]:
         old.unlink()
         old.with_suffix(".csv").unlink(missing_ok=True)
     for table in tables:

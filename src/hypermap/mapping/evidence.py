@@ -7,6 +7,7 @@ both profiles.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Collection, Mapping
 
 import shapely
@@ -22,7 +23,7 @@ from hypermap.mapping.evidence_buffer import Evidence, FoundEvidence, evidence_f
 from hypermap.mapping.footprint_iou import at_same_height, footprint_ious
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.missed_detections import penalize_missed, prune
-from hypermap.mapping.moved import CONFIRMED, GONE, find_moves, moved_within_place
+from hypermap.mapping.moved import CONFIRMED, GONE, began, find_moves, moved_within_place
 from hypermap.mapping.protection import protected
 from hypermap.mapping.published import PublishedTracks
 from hypermap.mapping.stages import EvidenceConfig
@@ -113,7 +114,7 @@ class EvidenceMap:
             self._forget_co_occurrences(track)
         if self.config.moves:
             self._note_gone(observation.stamp)
-            self._follow_moves()
+            self._follow_moves(observation.stamp)
 
     def _as_published(self) -> PublishedTracks:
         return PublishedTracks(self._tracks, self.config, self.is_free, self._edited)
@@ -385,9 +386,13 @@ class EvidenceMap:
             if gone != (track.gone_since is not None):
                 self._touch(row).gone_since = stamp if gone else None
 
-    def _follow_moves(self) -> None:
-        """Give moved objects, which appear as new tracks, their old ids."""
-        for move in find_moves(self._tracks, self.config):
+    def _follow_moves(self, stamp: float = math.inf) -> None:
+        """Give moved objects, which appear as new tracks, their old ids.
+
+        Args:
+            stamp: of the newest frame [s]; infinite if there is none since the last call.
+        """
+        for move in find_moves(self._tracks, self.config, stamp):
             (row,), (other,) = (self._tracks.rows_of([n]) for n in (move.gone, move.there))
             track, there = self._touch(row), self._touch(other)
             self._forget_co_occurrences(track)
@@ -397,7 +402,7 @@ class EvidenceMap:
             track.buffer = there.buffer.copy()
             track.buffer.first_seen = first_seen
             track.pending, track.moved = there.pending, move.confidence
-            track.moved_since = there.buffer.first_seen
+            track.moved_since = began(there.buffer)
             track.gone_since = None
             shapes = self._tracks.shapes
             shapes.replace(row, shapes.polygons[other])

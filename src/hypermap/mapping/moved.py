@@ -58,13 +58,19 @@ class Move:
     confidence: float
 
 
-def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
+def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf) -> list[Move]:
     """Return the gone tracks whose objects have appeared at other places since, one to one.
 
     Among several candidates, those gone since the latest drive come first, and of these the pairs
     with the smallest distances. A track also counts as gone if a new one appeared next to it in a
     later drive, because rays that hit one do not show that the other is gone. Tracks edited by
     hand are never among them.
+
+    Args:
+        tracks: all tracks.
+        config: of their map.
+        stamp: of the frame that was added last [s]; infinite for none since the last call. A drive
+            that is mapped after later ones adds views from before these.
     """
     buffers = [track.buffer for track in tracks.objects]
     if not _may_have_moved(tracks):  # the usual case, which is fast
@@ -82,7 +88,7 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
     if not (gone and there):
         return []
     is_near, ways = _within_reach(tracks, gone, there)
-    may_be = _possible(tracks, gone, there, is_near)
+    may_be = _possible(tracks, gone, there, is_near, stamp)
     if not may_be.any():  # comparing shapes takes much longer than all of this
         return []
     # Most drives do not get here, and the import takes a quarter of a second.
@@ -158,14 +164,18 @@ def _within_reach(
     centers = [shapely.centroid(tracks.shapes.geometries(rows)) for rows in (gone, there)]
     ways = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
     names = [np.array([tracks.objects[row].name for row in rows]) for rows in (gone, there)]
-    last = np.array([left(tracks.objects[row].buffer) for row in gone])
+    last = np.array([tracks.objects[row].buffer.last_seen for row in gone])
     first = np.array([began(tracks.objects[row].buffer) for row in there])
     is_same_class = names[0][:, None] == names[1][None, :]
     return is_same_class & (first[None, :] > last[:, None]) & (ways <= FARTHEST), ways
 
 
 def _possible(
-    tracks: TrackTable, gone: Sequence[int], there: Sequence[int], is_near: BoolArray
+    tracks: TrackTable,
+    gone: Sequence[int],
+    there: Sequence[int],
+    is_near: BoolArray,
+    stamp: float,
 ) -> BoolArray:
     """Return which pairs `is_near` can be one object, whatever their shapes, shape (N, M).
 
@@ -180,7 +190,7 @@ def _possible(
                 continue
             if _takes_place_of(tracks, row, gone[i]):
                 possible[i, j] = True
-            elif tracks.existence[gone[i]] <= GONE and not _known_without_views(tracks, row):
+            elif tracks.existence[gone[i]] <= GONE and not _is_known(tracks, row, stamp):
                 views = _views(tracks) if views is None else views
                 was_empty = _was_without(tracks, row, views) if was_empty is None else was_empty
                 possible[i, j] = was_empty
@@ -301,14 +311,21 @@ def _views(tracks: TrackTable) -> list[Evidence]:
 
 
 def _known_without_views(tracks: TrackTable, row: int) -> list[bool]:
-    """Return a list that is not empty once `_was_without` is known to be false.
-
-    It remains so while the shape is the same: there are no more views from before the track.
-    """
+    """Return a list that is not empty once `_was_without` is known to be false."""
     known: list[bool] = tracks.shapes.polygons[row].cached(
         _nothing_known, began(tracks.objects[row].buffer)
     )
     return known
+
+
+def _is_known(tracks: TrackTable, row: int, stamp: float) -> bool:
+    """Return whether `_was_without` is known to be false.
+
+    It remains so while the shape is the same, as frames from after the track's beginning add no
+    views from before it.
+    """
+    is_later = stamp >= began(tracks.objects[row].buffer)
+    return is_later and bool(_known_without_views(tracks, row))
 
 
 def _nothing_known(_shape: PreparedPolygon, _begin: float) -> list[bool]:
@@ -326,6 +343,5 @@ def _was_without(tracks: TrackTable, row: int, views: Sequence[Evidence]) -> boo
         areas = areas[shapely.intersects(areas, shape)]  # those of other rooms do not
         is_view = shapely.area(shapely.intersection(areas, shape)) >= _COVERED * shape.area
     found = int(np.count_nonzero(is_view)) >= _VIEWS
-    if not found:
-        _known_without_views(tracks, row).append(True)
+    _known_without_views(tracks, row)[:] = [] if found else [True]
     return found

@@ -37,7 +37,8 @@ class SamplePoints:
 def sample_points(shape: PreparedPolygon) -> SamplePoints:
     """Return the sample points of an object, from the convex hull of its shape."""
     around, xy = np.empty((8, 2)), np.empty((9, 2))
-    if not (isinstance(shape.geometry, shapely.Polygon) and _sample_hull(shape.edges, around, xy)):
+    is_ring = isinstance(shape.geometry, shapely.Polygon) and not shape.geometry.interiors
+    if not (is_ring and _sample_hull(shape.edges, around, xy)):
         hull = shapely.convex_hull(shape.geometry)
         ring = shapely.get_exterior_ring(hull)
         places = shapely.line_interpolate_point(ring, _AROUND, normalized=True)

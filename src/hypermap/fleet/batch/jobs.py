@@ -16,7 +16,7 @@ from hypermap.core.errors import FileMissing, FormatError, HypermapError, did_yo
 from hypermap.formats.yaml_text import read_yaml
 from hypermap.mapping.config import MappingConfig, chosen_config
 from hypermap.mapping.overrides import override, read_overrides
-from hypermap.mapping.pose_graph.ways import WAYS
+from hypermap.mapping.pose_ways import WAYS
 from hypermap.recordings.open import is_recording
 from hypermap.recordings.options import RecordingOptions
 

@@ -22,7 +22,7 @@ from hypermap.formats.any_file import open_any
 from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.mapping.config import to_dict
 from hypermap.mapping.pose_graph import CorrectedRecording, correct_poses
-from hypermap.mapping.pose_graph.ways import described, is_by_graph, with_way
+from hypermap.mapping.pose_ways import described, is_by_graph, with_way
 from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.catalog import known_network
 from hypermap.perception.detectors.origin import detection_origin

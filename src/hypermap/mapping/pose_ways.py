@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hypermap.mapping.config import MappingConfig
-from hypermap.mapping.pose_graph.correction import CorrectedPoses
+
+if TYPE_CHECKING:
+    from hypermap.mapping.pose_graph.correction import CorrectedPoses
 
 WAYS = ("none", "map", "graph", "auto")
 """As `--correct-poses` names them; "auto" is by the map, or else by a graph."""
