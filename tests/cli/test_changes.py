@@ -10,6 +10,8 @@ import pytest
 import shapely
 
 from hypermap import Hypermap, SemanticLayer, SemanticObject, open_map, save_map
+from hypermap.formats import locks
+from hypermap.formats.locks import turn_to_edit
 from hypermap.history import begin_history
 
 from .conftest import Result, assert_one_error
@@ -83,6 +85,19 @@ def test_history_lists_versions_and_bounds_and_exports_them(
     assert header.startswith("version,time,cause,drive,layer,id,what,name_before,name,")
     assert [row.split(",")[6] for row in rows] == ["renamed", "moved", "gone"]
     assert_one_error(hypermap("history", office, "--keep", "long"), "keep: expected a time")
+
+
+def test_who_changes_a_map_keeps_nobody_from_reading_it_nor_itself_from_saving(
+    hypermap: Run, office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(locks, "_PATIENCE", 0.0)
+    with turn_to_edit(office):
+        assert hypermap("history", office).code == 0
+        note = ("--write", "x", "--place", "1,1", "-o", tmp_path / "new.hmap")
+        assert hypermap("notes", office, *note).code == 0
+    (tmp_path / "folder").mkdir()
+    open_map(office).save(tmp_path / "folder")
+    assert hypermap("history", tmp_path / "folder", "--keep", "1h").code == 0
 
 
 def test_history_begins_where_a_map_keeps_none(hypermap: Run, tmp_path: Path) -> None:

@@ -60,6 +60,19 @@ def test_a_copy_in_another_folder_leads_to_the_same_maps(hypermap, maps, tmp_pat
     assert hypermap("path", copy, "-1,1", "-1,3", "--goal-map", upper).code == 0
 
 
+def test_a_copy_in_a_folder_or_by_a_linked_one_leads_to_the_same_maps(hypermap, maps, tmp_path):
+    ground, upper = maps
+    assert hypermap("connect", ground, "-4,1", upper, "-4,3").code == 0
+    (tmp_path / "far" / "away").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "far" / "away")
+    folder, linked = tmp_path / "folder", tmp_path / "link" / "hall.hmap"
+    assert hypermap("convert", ground, folder).code == 0
+    assert hypermap("convert", folder, linked).code == 0
+    for copy in (folder, linked):
+        assert "lift leads to ../above/upper.hmap\n" in hypermap("info", copy).out
+        assert hypermap("path", copy, "-1,1", "-1,3", "--goal-map", upper).code == 0
+
+
 def test_a_map_that_is_gone_is_named_with_what_led_there(hypermap, maps):
     ground, upper = maps
     assert hypermap("connect", ground, "1,1", upper, "1,1", "--kind", "stairs").code == 0

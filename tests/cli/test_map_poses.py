@@ -168,7 +168,7 @@ def test_a_given_map_of_another_place_is_warned_of(hypermap, drive, room_map, tm
     given = tmp_path / "given.yaml"
     assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
     text = given.read_text()
-    warning = "warning: the map has no free space at any place of the camera; is it of this place"
+    warning = "warning: the map has no border of free space near any place of the camera; is it"
     for origin, is_warned in (("[500000, 5400000, 0]", True), (None, False)):
         moved = re.sub(r"origin:.*(\n- .*)*", f"origin: {origin}", text) if origin else text
         given.write_text(moved)

@@ -326,6 +326,25 @@ def test_who_waits_for_a_turn_to_edit_misses_nothing_that_was_saved(
         pass
 
 
+def test_who_edits_does_not_keep_a_folder_from_being_saved_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(locks, "_PATIENCE", 0.0)
+    with turn_to_edit(tmp_path), turn_to_save([tmp_path]) as turn:
+        assert turn == "alone"
+
+
+def test_a_save_does_not_wait_for_itself_where_a_folder_has_two_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(locks, "_PATIENCE", 0.0)
+    monkeypatch.chdir(tmp_path)
+    Path("other").write_bytes(b"old")
+    Path("link").symlink_to("other")
+    write_files(".", {"link": b"new", "map": b""})
+    assert Path("other").read_bytes() == b"new"
+
+
 def test_another_library_writes_beside_and_replaces_the_file_in_the_end(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(b"old")

@@ -152,6 +152,15 @@ def test_an_edit_under_a_clock_years_ahead_hides_nothing(tmp_path: Path) -> None
         assert as_of(opened, time).semantic()[1].footprint.bounds[0] == x
 
 
+def test_a_robot_whose_clock_is_not_set_knows_the_past(monkeypatch: pytest.MonkeyPatch) -> None:
+    hypermap = office()
+    for time in (MONDAY, TUESDAY):
+        moved(hypermap, 1, 1.0)
+        hypermap = grown(hypermap, time)
+    monkeypatch.setattr("time.time", lambda: 60.0)
+    assert as_of(hypermap, MONDAY).semantic()[1].footprint.bounds[0] == 3
+
+
 def test_saving_adds_what_changed_and_saving_again_gives_the_same_bytes(tmp_path: Path) -> None:
     hypermap = office()
     hypermap.semantic().rename(0, "desk")

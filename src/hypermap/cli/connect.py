@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -115,12 +114,13 @@ def _connected(
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.formats import open_map
     from hypermap.paths import Connector, Planner, with_connector
+    from hypermap.paths.floors import path_from
 
     hypermap = open_map(file)
     grids = [layer.name for layer in hypermap if isinstance(layer, OccupancyLayer)]
     space = Planner(hypermap, occupancy=grids[0] if grids else None).space
     space.place(at, f"{file}: the place")
-    to = os.path.relpath(other.absolute(), file.absolute().parent)
+    to = path_from(file, other)
     connected = with_connector(hypermap, Connector(kind, at, to, there, name, length))
     if floor is not None:
         connected.metadata["floor"] = floor

@@ -46,14 +46,14 @@ def command(
     from dataclasses import replace
 
     from hypermap.formats import open_map, save_map
-    from hypermap.formats.config import CONFIG_NAME
+    from hypermap.formats.config import file_of_map
     from hypermap.formats.locks import turn_to_edit
     from hypermap.history import EXPIRES
 
     if layer is not None and len(layer) > 1:
         raise HypermapError("give --layer once")
     moment = _later(until)
-    file = path / CONFIG_NAME if path.is_dir() else path
+    file = file_of_map(path)
     check_edited(file)
     with turn_to_edit(file):
         hypermap = open_map(path)

@@ -57,13 +57,13 @@ def command(
         hypermap history office.hmap --export changes.parquet
     """
     from hypermap.formats import open_map
-    from hypermap.formats.config import CONFIG_NAME
+    from hypermap.formats.config import file_of_map
     from hypermap.formats.locks import turn_to_edit
 
     if export is not None:
         check_output(export, force)
     is_changed = keep is not None or max_mb is not None
-    file = path / CONFIG_NAME if path.is_dir() else path
+    file = file_of_map(path)
     if is_changed:
         check_edited(file)
     with turn_to_edit(*([file] if is_changed else [])):

@@ -63,8 +63,8 @@ def note_frames(
         note(sentence(corrections))
         if corrections["as_recorded"].get(NO_MAP) == counts.used:
             note(
-                "warning: the map has no free space at any place of the camera; is it of this "
-                "place, and in the frame of the poses?"
+                "warning: the map has no border of free space near any place of the camera; is it "
+                "of this place, and in the frame of the poses?"
             )
     elif settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
         note(

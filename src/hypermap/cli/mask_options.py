@@ -81,7 +81,10 @@ def save_mask(
 
 def note_strangers(hypermaps: Iterable[Hypermap], zones: Iterable[Zone]) -> None:
     """Name the classes of zones of which no map has an object; they may be misspelled."""
-    known = {str(found.object.name) for each in hypermaps for found in each.objects()}
+    from hypermap.core.semantic import SemanticLayer
+
+    layers = [layer for each in hypermaps for layer in each if isinstance(layer, SemanticLayer)]
+    known = sorted({str(name) for layer in layers for name in layer.table.names_in_use})
     for zone in zones:
         if zone.name not in known:
-            note(f"no object is called {zone.name!r}; {did_you_mean(zone.name, sorted(known))}")
+            note(f"no object is called {zone.name!r}; {did_you_mean(zone.name, known)}")

@@ -243,7 +243,7 @@ def command(
     is_changed = bool(changes) or inside_up_to is not None
     if is_changed and output is None:
         check_edited(path)
-    with turn_to_edit(*([path] if is_changed else [])):
+    with turn_to_edit(*([output or path] if is_changed else [])):
         hypermap = open_map(path)
         if inside_up_to is not None:
             _layer(hypermap, asked, make=new is not None).inside_up_to = round(inside_up_to * 1e6)

@@ -88,6 +88,7 @@ def command(
         plan,
     )
     from hypermap.formats import open_map
+    from hypermap.formats.config import file_of_map
     from hypermap.formats.floors import open_floors
     from hypermap.paths import Building, Planner
     from hypermap.ros.server.zones import keepout_filter
@@ -99,7 +100,7 @@ def command(
         building = Building(maps, settings, keepout=zones, occupancy=occupancy)
         note_strangers(maps.values(), zones)
         begin, end = parse_place(start, "FROM"), parse_place(goal, "TO")
-        files = [os.path.normpath(file.absolute()) for file in (path, goal_map)]
+        files = [os.path.normpath(file_of_map(file).absolute()) for file in (path, goal_map)]
         way = building.path((files[0], begin), (files[1], end), distance)
         if as_json:
             frames = {file: hypermap.base_frame for file, hypermap in maps.items()}

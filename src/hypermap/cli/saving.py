@@ -28,11 +28,12 @@ def save_from(
         HypermapError: If it cannot be saved.
     """
     from hypermap.formats import save_map
+    from hypermap.formats.config import file_of_map
 
     has_links = bool(hypermap.metadata.get("connectors"))  # else, save the time of the import
     if has_links and source is not None and source.exists():  # not the address of a site
         from hypermap.paths.floors import relink
 
         with contextlib.suppress(HypermapError):  # unreadable ones stay as they are
-            relink(hypermap, source, output)
+            relink(hypermap, file_of_map(source), file_of_map(output))
     save_map(hypermap, output, semantic)

@@ -16,8 +16,7 @@ MAP_ID, MAP_VERSION = "map_id", "map_version"
 EARLIEST = 1e8
 """Seconds since 1970; smaller stamps count from the start of something else, such as a program."""
 
-AHEAD = 86_400
-"""Seconds by which a clock may be ahead of ours; one that is further ahead is wrong."""
+_AHEAD = 86_400  # s by which a clock may be ahead of ours
 
 ADDED, GONE, EXPIRED = "added", "gone", "expired"
 MOVED, RESHAPED, RENAMED, EDITED = "moved", "reshaped", "renamed", "edited"
@@ -27,6 +26,15 @@ KINDS = (ADDED, GONE, EXPIRED, MOVED, RESHAPED, RENAMED, EDITED, FIRST_SEEN, NOT
 
 Cause = Literal["mapping", "edit"]
 """What made a revision: frames that were mapped, or a person or a program that changed objects."""
+
+
+def latest_time() -> float:
+    """Return the latest time [s] that a clock which is right may have shown, since 1970.
+
+    That is infinite if our own clock is not set, as that of a robot without a battery for it.
+    """
+    now = time.time()
+    return now + _AHEAD if now >= EARLIEST else math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +133,7 @@ class History:
         from the time of what was there already. So are those that a clock dated that was far ahead
         of ours. Before the first known time it is -inf.
         """
-        latest, end = -math.inf, time.time() + AHEAD
+        latest, end = -math.inf, latest_time()
         for revision in self.revisions():
             if revision.time is not None and revision.time <= end:
                 latest = max(latest, revision.time)

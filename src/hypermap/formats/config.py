@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from pydantic import Field
 
 from hypermap.core.errors import FormatError, FrameError
 from hypermap.core.frames import FrameTree, Pose2D, Transform
+from hypermap.formats.atomic import is_folder
 from hypermap.formats.checked import Checked, Pose, Text, check
 from hypermap.formats.yaml_text import read_yaml, write_yaml
 
@@ -25,6 +27,11 @@ FLAGS = {"subscribe_mode": False, "enable_update": True, "publish_global_topics"
 _TEXT = {("layers", "*", key) for key in ("class", "name", "frame_id", "file", BINARY_FILE)} | {
     ("transforms", "*", key) for key in ("frame_id", "child_frame_id")
 }
+
+
+def file_of_map(path: Path) -> Path:
+    """Return the file of a map: for a folder, the configuration in it."""
+    return path / CONFIG_NAME if is_folder(path) else path
 
 
 @dataclass(frozen=True)

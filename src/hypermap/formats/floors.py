@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.formats.config import file_of_map
 from hypermap.formats.hmap import open_map
 from hypermap.paths.floors import connectors_on, other_file
 
@@ -18,7 +19,7 @@ def open_floors(path: str | Path) -> dict[str, Hypermap]:
         FileMissing: If there is no such file.
         HypermapError: If one cannot be read; it names the map that leads there.
     """
-    first = os.path.normpath(Path(path).absolute())
+    first = os.path.normpath(file_of_map(Path(path)).absolute())
     maps: dict[str, Hypermap] = {}
     waiting = [(first, "")]
     while waiting:

@@ -9,7 +9,6 @@ import json
 import logging
 import math
 import threading
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
@@ -20,7 +19,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import FormatError
-from hypermap.core.history import AHEAD, KINDS, Change, History, Revision
+from hypermap.core.history import KINDS, Change, History, Revision, latest_time
 from hypermap.core.objects import SemanticObject
 from hypermap.formats import limits
 from hypermap.formats.semantic.records import is_json, object_from_record, record_from_object
@@ -104,7 +103,7 @@ def history_files(history: History, policy: HistoryPolicy) -> dict[str, bytes]:
 
 def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]:
     """Return files without their oldest lines, as far as a policy drops these."""
-    end = time.time() + AHEAD
+    end = latest_time()
     stamps = (stamp for stamp in map(_time_in, _lines(files)) if stamp is not None)
     begin = max((stamp for stamp in stamps if stamp <= end), default=-math.inf) - policy.seconds
     surplus = sum(map(len, files.values())) - policy.max_mb * 1e6

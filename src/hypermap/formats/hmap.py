@@ -30,6 +30,7 @@ from hypermap.formats.config import (
     LayerEntry,
     MapConfig,
     dump_config,
+    file_of_map,
     parse_config,
 )
 from hypermap.formats.grid.budget import check_cells
@@ -104,9 +105,7 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
         FileMissing: If the folder to save in does not exist.
         HypermapError: If it cannot be written, or there is no plug-in for one of its layers.
     """
-    path = Path(path)
-    if is_folder(path):
-        path = path / CONFIG_NAME
+    path = file_of_map(Path(path))
     given, hypermap = hypermap, grown(hypermap, time.time())
     is_config = path.suffix.lower() in _YAML_ENDINGS
     beside = folder_beside(path)

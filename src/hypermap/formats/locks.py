@@ -34,7 +34,7 @@ def turn_to_save(folders: Iterable[Path]) -> Iterator[Turn]:
     """
     until = time.monotonic() + _PATIENCE
     with contextlib.ExitStack() as held:
-        turns = {held.enter_context(_locked(folder, until)) for folder in sorted(set(folders))}
+        turns = {held.enter_context(_locked(folder, until)) for folder in _in_order(folders)}
         yield "busy" if "busy" in turns else "unknown" if "unknown" in turns else "alone"
 
 
@@ -42,17 +42,38 @@ def turn_to_save(folders: Iterable[Path]) -> Iterator[Turn]:
 def turn_to_edit(*paths: Path) -> Iterator[None]:
     """Wait until no other program is between reading some files and replacing them.
 
-    It reads them within, so it misses nothing that the others have saved.
+    It reads them within, so it misses nothing that the others have saved. What cannot be read while
+    it is locked, as a folder or a file on an SMB share, is not locked.
 
     Raises:
         HypermapError: If another program takes too long.
     """
     until = time.monotonic() + _PATIENCE
     with contextlib.ExitStack() as held:
-        for path in sorted({Path(os.path.realpath(path)) for path in paths}):
-            if held.enter_context(_locked(path, until)) == "busy":
-                raise HypermapError(f"{path}: another program is changing it; try again")
+        for path in _in_order(paths):
+            with contextlib.ExitStack() as lock:
+                if lock.enter_context(_locked(path, until)) == "busy":
+                    raise HypermapError(f"{path}: another program is changing it; try again")
+                if _is_readable(path):
+                    held.enter_context(lock.pop_all())
         yield
+
+
+def _in_order(paths: Iterable[Path]) -> list[Path]:
+    """Return each file once, as nobody gets a second lock, in an order that is always the same."""
+    return sorted({Path(os.path.realpath(path)) for path in paths})
+
+
+def _is_readable(path: Path) -> bool:
+    try:
+        handle = os.open(path, _READ_ONLY)
+        try:
+            os.read(handle, 1)
+        finally:
+            os.close(handle)
+    except OSError:
+        return False
+    return True
 
 
 def lock_file(handle: int) -> None:
@@ -99,7 +120,7 @@ def _opened(path: Path, until: float) -> tuple[int, Turn]:
     while True:
         handle = os.open(path, _READ_ONLY)
         turn = _lock(handle, until)
-        if turn != "alone" or not _is_replaced(path, handle):
+        if turn != "alone" or not _is_replaced(path, handle) or time.monotonic() > until:
             return handle, turn
         os.close(handle)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.history import AHEAD, EARLIEST
+from hypermap.core.history import EARLIEST, latest_time
 from hypermap.perception.frame import RgbdFrame
 
 _EVERY = 8  # every so many rows and columns of a depth image identify it
@@ -58,7 +57,7 @@ class Drive:
     @property
     def is_ahead(self) -> bool:
         """Whether its clock is more than a day ahead of ours, so that it is wrong."""
-        return bool(self.keys) and self.last > time.time() + AHEAD
+        return bool(self.keys) and self.last > latest_time()
 
     @property
     def has_no_clock(self) -> bool:

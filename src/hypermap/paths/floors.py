@@ -104,13 +104,20 @@ def relink(hypermap: Hypermap, source: str | pathlib.Path, target: str | pathlib
     Raises:
         HypermapError: If the map's connectors cannot be read.
     """
-    before, after = (os.path.realpath(pathlib.Path(file).parent) for file in (source, target))
-    if before == after or not (connectors := connectors_on(hypermap)):
+    if pathlib.Path(source).absolute().parent == pathlib.Path(target).absolute().parent:
         return
     hypermap.metadata[CONNECTORS] = [
-        _entry(each) | {"to": os.path.relpath(pathlib.Path(before) / each.to, after)}
-        for each in connectors
+        _entry(each) | {"to": path_from(target, other_file(str(source), each))}
+        for each in connectors_on(hypermap)
     ]
+
+
+def path_from(file: str | pathlib.Path, other: str | pathlib.Path) -> str:
+    """Return how a connector of the map in a file names another map; see `other_file`."""
+    try:
+        return os.path.relpath(other, pathlib.Path(file).parent)
+    except ValueError:  # it is on another drive of Windows
+        return str(pathlib.Path(other).absolute())
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 from hypermap.core.errors import FormatError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.atomic import is_write_protected
-from hypermap.formats.config import CONFIG_NAME
+from hypermap.formats.config import file_of_map
 from hypermap.formats.store import FolderStore, place_for, read_file
 from hypermap.formats.yaml_text import read_yaml
 from hypermap.viewer.live.request_errors import Refused
@@ -44,7 +44,7 @@ class MapFile:
     @classmethod
     def of(cls, path: Path, hypermap: Hypermap) -> MapFile:
         """Return the file of a map that is opened or saved now."""
-        path = path / CONFIG_NAME if path.is_dir() else path
+        path = file_of_map(path)
         named = (layer.settings.get("file") for layer in hypermap)
         is_folder = path.suffix.lower() in _YAML_ENDINGS
         parts = tuple(file for file in named if is_folder and isinstance(file, str))
