@@ -12,6 +12,7 @@ from hypermap.history.differences import is_said_to_have_moved
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.track_arrays import packed_tables, unpacked_tables
 
 from .evidence_tools import DEFAULT, NOWHERE, ROOM, THESIS, only, seen, square
 from .test_evidence_in_rooms import CHAIR, level, viewed
@@ -69,6 +70,16 @@ def test_a_second_move_that_is_as_sure_is_another_one() -> None:
     assert again.attributes["moved"]["confidence"] == first.attributes["moved"]["confidence"]
     assert is_said_to_have_moved(first, again)
     assert not is_said_to_have_moved(again, only(evidence))
+
+
+def test_since_when_an_object_is_at_its_place_is_saved_and_unknown_in_earlier_files() -> None:
+    packed = packed_tables(after_a_move().tracks())
+    facts = [{k: v for k, v in one.items() if k != "moved_since"} for one in packed.facts]
+    for saved, since in ((packed, DAY), (dataclasses.replace(packed, facts=facts), None)):
+        evidence = EvidenceMap(DEFAULT)
+        evidence.go_on_with(unpacked_tables(saved, DEFAULT)[0])
+        moved = only(evidence).attributes["moved"]
+        assert (moved["confidence"] > 0.9, moved.get("since")) == (True, since)
 
 
 @pytest.mark.parametrize(
