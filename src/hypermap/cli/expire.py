@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, check_edited
+from hypermap.cli.options import MapPath, check_edited, only_one
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError, ObjectNotFound
 from hypermap.text import printable
@@ -50,14 +50,13 @@ def command(
     from hypermap.formats.locks import turn_to_edit
     from hypermap.history import EXPIRES
 
-    if layer is not None and len(layer) > 1:
-        raise HypermapError("give --layer once")
+    name = only_one(layer)
     moment = _later(until)
     file = file_of_map(path)
     check_edited(file)
     with turn_to_edit(file):
         hypermap = open_map(path)
-        objects = hypermap.semantic(layer[0] if layer else None)
+        objects = hypermap.semantic(name)
         try:
             item = objects.get(object_id)
         except ObjectNotFound as error:

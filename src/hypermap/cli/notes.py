@@ -12,7 +12,7 @@ import typer
 from hypermap.cli.asked_note import AskedNote
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.notes_shown import list_notes, show_note
-from hypermap.cli.options import AsJson, Force, MapPath, check_edited, check_output
+from hypermap.cli.options import AsJson, Force, MapPath, check_edited, check_output, only_one
 from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say_json
 from hypermap.console.options import AN_AREA
@@ -232,9 +232,7 @@ def command(
     changes = [option for option in (write, edit, remove) if option is not None]
     if len(changes) > 1:
         raise HypermapError("give only one of --write, --edit and --remove")
-    if layer is not None and len(layer) > 1:
-        raise HypermapError("give --layer once")
-    name = layer[0] if layer else None
+    name = only_one(layer)
     asked = AskedNote(name, frame, author, place, area, time, text, attach or [], link or [])
     asked.check(write is not None, edit is not None)
     if output is not None:

@@ -80,6 +80,17 @@ def check_edited(path: Path) -> None:
         _ask(f"{path} is write-protected. Change it?", refused, path)
 
 
+def only_one(layers: list[str] | None) -> str | None:
+    """Return the layer that `--layer` names; None without it.
+
+    Raises:
+        HypermapError: If it names several.
+    """
+    if layers is not None and len(layers) > 1:
+        raise HypermapError("give --layer once")
+    return layers[0] if layers else None
+
+
 def check_map_output(path: Path, force: bool) -> None:
     """Make sure before mapping that the map can be saved, and that this destroys no one's work.
 
