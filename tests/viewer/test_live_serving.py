@@ -142,9 +142,9 @@ def test_requests_that_come_before_answers_are_not_kept_without_end(
         listen("127.0.0.1", 0) as listening,
         serving(Quick(), listening),
         half_open(listening.getsockname(), 1, ask) as (one,),
+        pytest.raises(ConnectionError),
     ):
-        with pytest.raises(ConnectionError):
-            one.sendall(1_000_000 * ask)
+        one.sendall(1_000_000 * ask)
 
 
 class Interrupted:

@@ -220,6 +220,11 @@ def test_small_objects_are_drawn_over_large_ones():
         ({"layers": ["rooms"]}, LayerNotFound, "there is no layer 'rooms'"),
         ({"names": ["chiar"]}, HypermapError, "no object is called 'chiar'; did you mean 'chair'?"),
         ({"layers": ["none"]}, HypermapError, "there is nothing to draw"),
+        (
+            {"area": shapely.box(90, 90, 95.5, 95)},
+            HypermapError,
+            "there is nothing to draw in 90,90,95.5,95: what is drawn lies in ",
+        ),
     ],
 )
 def test_what_cannot_be_drawn_is_said_so(tmp_path, arguments, error, message):

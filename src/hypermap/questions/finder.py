@@ -339,8 +339,8 @@ class Finder:
     def _asker_pose(self) -> Pose2D:
         if self._asker is None:
             raise HypermapError(
-                "the answer depends on where you are; say so in the question, or give --pose "
-                "X,Y or X,Y,YAW"
+                "the answer depends on where you are; say so in the question, or give a pose: "
+                "--pose X,Y or X,Y,YAW on the command line, pose=(x, y) in Python"
             )
         return self._asker
 

@@ -170,6 +170,16 @@ def render(
     write_file(path, draw(drawing, path.suffix[1:].lower(), size))
 
 
+def _outside(area: BaseGeometry, view: tuple[float, float, float, float]) -> str:
+    """Say that nothing of what is drawn lies in the area."""
+    x0, y0, x1, y1 = (f"{number:.10g}" for number in np.round([*area.bounds], 2))
+    left, bottom, right, top = (f"{number:.10g}" for number in np.round(view, 2))
+    return (
+        f"there is nothing to draw in {x0},{y0},{x1},{y1}: "
+        f"what is drawn lies in {left},{bottom},{right},{top} (X0,Y0,X1,Y1)"
+    )
+
+
 def check_suffix(path: Path) -> None:
     """Raise a HypermapError if a picture cannot be saved under that name."""
     if path.suffix.lower() not in SUFFIXES:
@@ -205,10 +215,14 @@ def compose(
     marks = marks_of(hypermap, shown) if names is None else ()
     if area is not None and not np.abs(area.bounds).max() <= MAX_PLACE:
         raise HypermapError(f"the area to draw is farther away than {MAX_PLACE:g} m, or empty")
-    view = _view(rasters, shapes, marks, full) if area is None else area.bounds
+    view = _view(rasters, shapes, marks, full or area is not None)
     is_empty = not (rasters or marks or any(len(s.names) for s in shapes))
     if not np.isfinite(view).all() or is_empty:
         raise HypermapError("there is nothing to draw: the layers are empty or have no picture")
+    if area is not None:
+        if not area.envelope.intersects(shapely.box(*view)):
+            raise HypermapError(_outside(area, view))
+        view = area.bounds
     subtitle = f"{_objects(shapes)}frame {hypermap.base_frame}"
     if frontiers:
         shapes.append(borders)
