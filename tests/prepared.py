@@ -2,9 +2,9 @@
 
 Python takes a second to import what a command needs, and hundreds of tests start one. A copy (by
 fork) starts in a tenth of that, and is a process like any other: it has an identity, signals,
-streams, an environment and an exit code of its own, and Python ends in it as it always does.
-Whoever tests the start itself, or what is read from the environment by an import, starts a new
-Python instead.
+streams, an environment and an exit code of its own, and waits for its threads at its end. Whoever
+tests the start itself, or what is read from the environment by an import, starts a new Python
+instead.
 """
 
 from __future__ import annotations
