@@ -19,12 +19,15 @@ export function bestName(names: ClassInfo[], typed: string): string {
 }
 
 const ASKS =
-  /^(where|what|which|who|how|when|is|are|am|do|does|did|has|have|can|find|show|list|count|give|tell)\b/i;
+  /^(where|what|which|who|how|when|is|are|am|do|does|did|has|have|can|find|show|list|count|give|tell)\s/i;
+const COMPARES = /^(the |all )?(nearest|closest|farthest|largest|biggest|smallest)\s/i;
+const RELATES = /\s(near|next to|by|in|inside|within|on|under|behind|between|beside)\s/i;
 
-/** Whether a text is a question in English, and no name. */
+/** Whether a text is a question in English ("nearest cup", too), and no part of a name. */
 export function isQuestion(names: ClassInfo[], text: string): boolean {
   if (names.some(({ name }) => name.toLowerCase() === text.toLowerCase())) return false;
-  return text.endsWith("?") || (ASKS.test(text) && /\s/.test(text));
+  if (text.endsWith("?") || ASKS.test(text)) return true;
+  return (COMPARES.test(text) || RELATES.test(text)) && !matching(names, text).length;
 }
 
 const MOST_ALIKE = 20;

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { coarsestZoom, finestZoom } from "../src/zooms";
-import { bestName, matching, namesLike } from "../src/names";
+import { bestName, isQuestion, matching, namesLike } from "../src/names";
 import { sorted, type Column } from "../src/sorting";
 
 const names = [
@@ -24,6 +24,20 @@ test("the name that was meant is found", () => {
   assert.equal(bestName(names, "TABLE"), "table");
   assert.equal(bestName(names, "arm"), "armchair");
   assert.equal(bestName(names, "sink"), "sink");
+});
+
+test("a question is told from a name", () => {
+  const things = [...names, { name: "cup in hand", color: "#000000", count: 1 }];
+  for (const text of [
+    "where is the cup",
+    "chair?",
+    "nearest cup",
+    "the largest table",
+    "cups near the sofa",
+  ])
+    assert.ok(isQuestion(things, text), text);
+  for (const text of ["chair", "where", "coffee machine", "nearest", "cup in", "Cup in hand"])
+    assert.ok(!isQuestion(things, text), text);
 });
 
 test("names that are like one are told, as the server does", () => {
