@@ -13,7 +13,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -33,7 +32,7 @@ from ..prepared import Command, run
 
 HYPERMAP = [sys.executable, "-m", "hypermap", "mcp"]
 TOKEN = "a token of a test"
-LIMIT = 60  # [s] for a whole conversation
+LIMIT = 240  # [s] for a whole conversation
 
 
 def talk(office: Path, *options: str, to: Callable[[Client], Awaitable[None]]) -> None:
@@ -243,7 +242,7 @@ def test_the_server_ends_in_silence_whoever_broke_off(office: Path, number: sign
             broken_off.sendall(f"{head}{{".encode())
         assert httpx2.get(url).status_code == 401
         process.send_signal(number)
-        _, said = process.communicate(timeout=30)
+        _, said = process.communicate(timeout=LIMIT)
         assert (said, process.wait()) == ("", 0)
 
 
@@ -256,9 +255,8 @@ def test_ctrl_c_at_a_terminal_ends_it(office: Path) -> None:
             os.close(theirs)
             assert process.stderr is not None
             assert b"waiting for an agent" in process.stderr.readline()
-            killer = threading.Timer(0.5, process.send_signal, (signal.SIGINT,))
-            killer.start()
-            _, said = process.communicate(timeout=30)
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=LIMIT)
             assert (said, process.returncode) == (b"", 0)
         finally:
             process.kill()
@@ -267,7 +265,7 @@ def test_ctrl_c_at_a_terminal_ends_it(office: Path) -> None:
 
 def test_a_client_that_goes_away_ends_it(office: Path) -> None:
     done = subprocess.run(
-        [*HYPERMAP, str(office)], input=b"", capture_output=True, timeout=60, check=False
+        [*HYPERMAP, str(office)], input=b"", capture_output=True, timeout=LIMIT, check=False
     )
     assert (done.returncode, done.stdout) == (0, b"")
 

@@ -219,8 +219,21 @@ def test_a_signal_that_meets_a_finalizer_is_not_lost(
             time.sleep(0.01)
         return "still there"
 
+    def leave_slowly(frame, _event, _argument):  # as where a machine has much to do
+        def on_return(_frame, event, _argument):
+            if event == "return":
+                time.sleep(0.1)
+            return on_return
+
+        return on_return if frame.f_code.co_name == "send_again" else None
+
     monkeypatch.setattr("hypermap.formats.open_map", slow)
-    result = hypermap("info", room_map)
+    before = sys.gettrace()
+    sys.settrace(leave_slowly)
+    try:
+        result = hypermap("info", room_map)
+    finally:
+        sys.settrace(before)
     assert (result.code, result.err) == (code, "")
 
 

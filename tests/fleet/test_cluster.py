@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ from hypermap.fleet.cluster import Cluster, _first_line
 from hypermap.fleet.workers import TRIES, WorkerDied
 
 from ..cli.conftest import write_drive
+from ..roscore import free_port
 
 pytestmark = pytest.mark.xdist_group("workers")
 
@@ -51,7 +51,7 @@ def lines(path: Path) -> int:
 
 
 def wait_for(is_so: Callable[[], bool]) -> None:
-    end = time.monotonic() + 60
+    end = time.monotonic() + 240
     while not is_so():
         assert time.monotonic() < end
         time.sleep(0.02)
@@ -67,9 +67,7 @@ class Nodes:
     """A cluster of nodes with one core each; the processes of a node are a group."""
 
     def __init__(self, folder: Path) -> None:
-        with socket.socket() as listening:
-            listening.bind(("127.0.0.1", 0))
-            self._port = listening.getsockname()[1]
+        self._port = free_port()
         self.address = f"127.0.0.1:{self._port}"
         self.groups: list[int] = []
         self._folder = folder
@@ -86,7 +84,7 @@ class Nodes:
             start_new_session=True,
         )
         self.groups.append(started.pid)
-        assert started.wait(120) == 0
+        assert started.wait(240) == 0
 
     def add(self) -> None:
         self.start(f"--address={self.address}")
@@ -182,7 +180,7 @@ def test_the_work_of_a_node_that_dies_is_done_by_another(
     os.kill(at[lost][1], signal.SIGKILL)  # a worker is of another group than its node
     go.touch()
     for future in held:
-        assert future.result(60) is None
+        assert future.result(240) is None
     assert [lines(places[lost]), lines(places[1 - lost])] == [2, 1]
 
 

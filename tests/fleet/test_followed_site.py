@@ -37,7 +37,7 @@ from ..ros.foxglove_client import Client
 
 pytestmark = pytest.mark.xdist_group("store")
 
-SEEN_AFTER = 30.0  # s, on a machine that has much to do; a second is asked of others
+SEEN_AFTER = 240.0  # s, on a machine that has much to do; a second is asked of others
 ASK = "/hypermap_server/get_string_at_point", "hypermap_msgs/GetStringAtPoint"
 
 
@@ -221,4 +221,4 @@ def test_a_map_server_serves_what_others_find(
             until(lambda: name_there() == "Empty", "empty place")
     finally:
         server.terminate()
-        server.wait(60)
+        server.wait(240)

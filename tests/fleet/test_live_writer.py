@@ -17,6 +17,7 @@ pytest.importorskip("psycopg", reason="psycopg is missing")
 
 from hypermap import Hypermap, HypermapError, SemanticLayer
 from hypermap.core.evidence import EvidenceTable
+from hypermap.fleet.store import followers
 from hypermap.fleet.store.address import parse_address
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.followers import follow
@@ -52,7 +53,7 @@ def mapped(count: int, views: int) -> SemanticLayer:
 
 
 def wait_until(is_so: Callable[[], bool]) -> None:
-    end = time.monotonic() + 60
+    end = time.monotonic() + 240
     while not is_so():
         assert time.monotonic() < end, "this takes too long"
         time.sleep(0.05)
@@ -239,33 +240,33 @@ def test_what_waits_is_sent_by_the_next_run(
     assert len(pull(database, site).semantic().evidence() or ()) == 4
 
 
-def test_followers_hear_of_a_change_within_a_second(
-    store: str, site: str, database: Database
+def test_followers_hear_of_a_change_at_once(
+    store: str, site: str, database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(followers, "_PATIENCE", 1000.0)  # they do not look by themselves
     push(database, Hypermap([SemanticLayer("semantic", "map")]), site)
-    heard: list[tuple[int, float]] = []
+    heard: list[int] = []
     ended = threading.Event()
     address = parse_address(store).at(site)
 
     def listening() -> None:
         for version in follow(address, ended):
-            heard.append((version, time.monotonic()))  # noqa: PERF401 - seen one by one
+            heard.append(version)  # noqa: PERF402 - seen one by one
 
     thread = threading.Thread(target=listening)
     thread.start()
     try:
         wait_until(lambda: len(heard) == 1)
         apply(database, Update(site, "semantic", [square("cup", 0, 0)]))
-        written = time.monotonic()
         wait_until(lambda: len(heard) == 2)
-        assert [version for version, _ in heard] == [1, 2]
-        assert heard[1][1] - written < 1.0
+        assert heard == [1, 2]
+        monkeypatch.setattr(followers, "_PATIENCE", 0.1)
         database.rows(
             "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
             "WHERE application_name = 'hypermap' AND pid <> pg_backend_pid()"
         )
         wait_until(lambda: len(heard) == 3)  # connected again
-        assert heard[2][0] == 2
+        assert heard[2] == 2
     finally:
         ended.set()
         thread.join()

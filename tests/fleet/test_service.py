@@ -235,7 +235,7 @@ def test_sigterm_is_the_usual_end_of_what_serves_or_follows(
             if ready in line:
                 break
         process.terminate()
-        assert process.communicate(timeout=30)[1] == ""
+        assert process.communicate(timeout=240)[1] == ""
         assert process.wait() == 0
 
 
@@ -253,7 +253,7 @@ def test_gdal_reads_a_site_with_special_characters_page_by_page(store: str, read
             f"OAPIF:{url}", f"{SITE}:semantic", columns=["name"]
         )
         process.terminate()
-        process.communicate(timeout=30)
+        process.communicate(timeout=240)
         assert process.wait() == 0
     pyogrio.set_gdal_config_options(dict.fromkeys(options))
     found = sorted(zip(names, shapely.area(shapely.from_wkb(shapes)).tolist(), strict=True))

@@ -94,7 +94,7 @@ def test_a_map_that_was_last_read_before_what_is_left_is_read_anew(
         )
     assert thin(database, old_site, keep=DAY).first == 7
     with followed:
-        end = time.monotonic() + 20
+        end = time.monotonic() + 240
         while len(followed.hypermap.semantic()) > 1:
             assert time.monotonic() < end
             time.sleep(0.01)

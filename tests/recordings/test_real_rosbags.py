@@ -19,6 +19,8 @@ import pytest
 from hypermap.core.errors import FormatError
 from hypermap.recordings import open_recording
 
+from ..roscore import free_port, roscore_command
+
 COUNT = 6
 TOPICS = [
     "/tf",
@@ -73,9 +75,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
         pytest.skip("ROS 1 is not here (on Debian 12, as root: make ros1)")
     folder = tmp_path_factory.mktemp("bags")
     (folder / "parts").mkdir()
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     environment = os.environ | {
         "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
         "ROS_HOSTNAME": "127.0.0.1",
@@ -83,7 +83,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
     }
     player = [ROS_PYTHON, str(Path(__file__).parent / "ros_player.py")]
     with ExitStack() as stack:
-        stack.enter_context(running(["roscore", "-p", str(port)], environment, signal.SIGINT))
+        stack.enter_context(running(roscore_command(port), environment, signal.SIGINT))
         wait_for_port(port)
         recorders = []
         for name, stop, *options in RECORDERS:
@@ -135,12 +135,11 @@ def wait_for(condition: Callable[[], bool], what: str) -> None:
 
 
 def wait_for_port(port: int) -> None:
-    for _ in range(200):
+    def is_open() -> bool:
         with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.1)
-    raise TimeoutError("roscore did not start")
+            return probe.connect_ex(("127.0.0.1", port)) == 0
+
+    wait_for(is_open, "the roscore")
 
 
 @pytest.mark.parametrize("name", ["plain.bag", "bz2.bag", "lz4.bag", "parts"])

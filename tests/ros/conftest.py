@@ -7,7 +7,6 @@ import io
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -22,6 +21,7 @@ import pytest
 from hypermap.core.errors import HypermapError
 
 from ..prepared import Command
+from ..roscore import free_port, roscore_command
 
 collect_ignore = ["port_node.py", "ros2_client.py"]  # programs, which doctest would import
 
@@ -62,12 +62,6 @@ def _no_parameter_left_for_others() -> Iterator[None]:
 def _parameters(master: ServerProxy) -> set[str]:
     answer: Any = master.getParamNames("/tests")
     return set(answer[2])
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def wait_for(condition: Callable[[], Any], what: str, timeout: float = 120.0) -> Any:
@@ -129,7 +123,7 @@ class Process:
         wait_for(lambda: text in self.output or self.popen.poll() is not None, repr(text), timeout)
         assert text in self.output, self.output
 
-    def stop(self, number: int = signal.SIGINT, timeout: float = 60.0) -> int:
+    def stop(self, number: int = signal.SIGINT, timeout: float = 240.0) -> int:
         """Send a signal to the whole group and return the exit code."""
         if self.popen.poll() is None:
             os.killpg(self.popen.pid, number)
@@ -178,7 +172,7 @@ def roscore(needs_ros1: None, tmp_path_factory: pytest.TempPathFactory) -> Itera
     port = free_port()
     uri = f"http://127.0.0.1:{port}"
     os.environ.update(ROS_MASTER_URI=uri, ROS_HOSTNAME="127.0.0.1", ROS_HOME=str(folder / "home"))
-    core = Process(["roscore", "-p", str(port)], folder / "roscore.log")
+    core = Process(roscore_command(port), folder / "roscore.log")
     try:
         core.expect("started core service")
         yield uri
@@ -213,7 +207,8 @@ def launch(
     def run(file: str | Path, /, **arguments: object) -> Process:
         words = [f"{key}:={value}" for key, value in arguments.items()]
         place = [file] if Path(file).is_absolute() else ["hypermap", file]
-        return start("roslaunch", *place, *words)
+        # A node on a busy machine may take its time to end; roslaunch would kill it after 17 s.
+        return start("roslaunch", "--sigint-timeout=240", *place, *words)
 
     yield run
     if rospy.has_param("/use_sim_time"):

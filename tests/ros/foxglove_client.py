@@ -17,6 +17,8 @@ from websockets.sync.client import connect
 
 from hypermap.ros.typestore import decode, encode, message_class, request_class, response_class
 
+PATIENCE = 120.0  # s; the machine may be busy
+
 
 class ServiceFailed(Exception):
     """The server has answered with a failure."""
@@ -34,7 +36,13 @@ class Client:
         self._channel_ids: dict[int, int] = {}
         self._stack = ExitStack()
         self._socket = self._stack.enter_context(
-            connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None)
+            connect(
+                url,
+                subprotocols=["foxglove.sdk.v1"],
+                max_size=None,
+                open_timeout=PATIENCE,
+                ping_interval=None,  # an answer may come late
+            )
         )
 
     def __enter__(self) -> Client:
@@ -46,7 +54,7 @@ class Client:
     def close(self) -> None:
         self._stack.close()
 
-    def wait(self, condition: Callable[[], Any], what: str, timeout: float = 30.0) -> Any:
+    def wait(self, condition: Callable[[], Any], what: str, timeout: float = PATIENCE) -> Any:
         """Receive until a condition holds, be it of the server, and return what it returned."""
         end = time.monotonic() + timeout
         while not (answer := condition()):

@@ -81,7 +81,7 @@ class Client:
         topic: str,
         type_name: str,
         until: Callable[[Any], Any] = lambda _: True,
-        timeout: float = 30.0,
+        timeout: float = 120.0,
     ) -> Any:
         """Return the first message of a topic, latched or new, that is as it should be."""
         name = topic if topic.startswith("/") else f"/{self.node}/{topic}"

@@ -29,7 +29,7 @@ from . import live_camera as camera
 from .conftest import wait_for
 
 START = 1_600_000_000  # s; ROS takes a stamp of 0 for none
-RAW = {"depth_topic": camera.DEPTH, "detections_topic": camera.DARKNET, "tf_timeout": 5.0}
+RAW = {"depth_topic": camera.DEPTH, "detections_topic": camera.DARKNET, "tf_timeout": 10.0}
 
 
 class Given:

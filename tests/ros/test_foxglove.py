@@ -13,6 +13,7 @@ from hypermap.core.errors import FrameError, HypermapError
 from hypermap.ros.foxglove.port import FoxglovePort
 from hypermap.ros.port import Parameter
 
+from .amid_locks import signals_amid_locks
 from .conftest import wait_for
 from .foxglove_client import Client, ServiceFailed
 
@@ -97,7 +98,7 @@ def test_websites_are_let_in_only_by_name(headers, is_let_in):
             **headers,
         }
         ask += "".join(f"{name}: {value}\r\n" for name, value in sent.items()) + "\r\n"
-        with socket.create_connection(("127.0.0.1", number_port(port.url)), timeout=30) as one:
+        with socket.create_connection(("127.0.0.1", number_port(port.url)), timeout=120) as one:
             one.sendall(ask.encode())
             assert one.recv(12) == (b"HTTP/1.1 101" if is_let_in else b"HTTP/1.1 403")
     finally:
@@ -493,6 +494,15 @@ def while_it_spins(port, act):
         act()
 
     threading.Thread(target=work).start()
+
+
+@pytest.mark.timeout(60)
+def test_a_signal_waits_for_no_lock() -> None:
+    port = FoxglovePort("server", port=0)
+    while_it_spins(port, port.shut_down)
+    with signals_amid_locks():
+        port.spin()
+    port.shut_down()
 
 
 def test_shut_down_by_another_thread_ends_the_node_and_leaves_the_handlers_as_they_were():

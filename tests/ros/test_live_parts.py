@@ -123,7 +123,7 @@ def test_a_line_that_repeats_is_held_back_and_counted() -> None:
 
 def test_a_mailbox_gives_the_newest_to_the_one_who_waits() -> None:
     box, taken = Mailbox[int](), []
-    waiter = threading.Thread(target=lambda: taken.append(box.take(timeout=10)))
+    waiter = threading.Thread(target=lambda: taken.append(box.take(timeout=240)))
     waiter.start()
     box.put(1)
     waiter.join()

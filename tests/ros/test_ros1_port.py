@@ -20,7 +20,8 @@ import pytest
 from hypermap.core.errors import FrameError, HypermapError, LayerNotFound
 from hypermap.ros.port import Parameter
 
-from .conftest import Process, free_port, wait_for
+from ..roscore import free_port, roscore_command
+from .conftest import Process, wait_for
 
 pytestmark = pytest.mark.xdist_group("ros")
 
@@ -200,7 +201,8 @@ def test_a_timer_goes_on_after_an_error_until_it_is_closed(port: Any, log: list[
 
 
 def test_time_is_that_of_ros(rospy: Any, port: Any) -> None:
-    assert abs(port.now() - time.time_ns()) < 5e9
+    before, now, after = time.time_ns(), port.now(), time.time_ns()
+    assert before - 1e6 < now < after + 1e6
     stamp = port.stamp(12_345_678_901)
     assert (stamp.secs, stamp.nsecs) == (12, 345_678_901)
 
@@ -239,7 +241,7 @@ def test_lookup_finds_what_others_publish(
     port.static_transforms([transform(port, "map", "lab", 3.0)])
     # The first lookup of a process has to wait for tf; an old-style slash does no harm.
     with monkeypatch.context() as patience:  # this machine may have much to do
-        patience.setattr("hypermap.ros.ros1.port._TF_START", 30.0)
+        patience.setattr("hypermap.ros.ros1.port._TF_START", 120.0)
         np.testing.assert_allclose(
             port.lookup("map", "/lab"), [[1, 0, 0, 3], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
         )
@@ -250,7 +252,7 @@ def test_lookup_finds_what_others_publish(
     moving.header.stamp = rospy.Time(100)
     late = threading.Timer(0.3, lambda: broadcaster.sendTransform(moving))
     late.start()
-    found = port.lookup("map", "robot", 100_000_000_000, timeout=20.0)
+    found = port.lookup("map", "robot", 100_000_000_000, timeout=120.0)
     np.testing.assert_allclose(found[:3, 3], [4, 0, 0])
     late.join()
     with pytest.raises(
@@ -460,7 +462,7 @@ def test_a_node_outlives_its_roscore(
     def tool(*words: str) -> Process:
         return start(*words, env=environment)
 
-    core = tool("roscore", "-p", str(port))
+    core = tool(*roscore_command(port))
     core.expect("started core service")
     node = tool(*NODE, "survivor", "_height:=2.0")
     node.expect("ready, height 2.0")
@@ -470,7 +472,7 @@ def test_a_node_outlives_its_roscore(
     core.stop()
     node.expect("the roscore does not answer")
 
-    core = tool("roscore", "-p", str(port))
+    core = tool(*roscore_command(port))
     core.expect("started core service")
     # A publisher that comes before the node has noticed, and tools that come later.
     between = tool("rostopic", "pub", "-r", "5", "/port_node_in", "std_msgs/String", "data: two")

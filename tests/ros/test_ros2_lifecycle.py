@@ -13,6 +13,7 @@ import pytest
 
 from hypermap.core.errors import HypermapError
 
+from .amid_locks import signals_amid_locks
 from .conftest import wait_for
 from .fake_rclpy_node import Graph
 from .ros2_fixtures import Idle, graph, make_port, port
@@ -103,6 +104,16 @@ def test_signals_end_it_while_it_can_still_publish(
     port.spin()
     assert graph.latest("/hypermap_server/goodbye").data == "bye"
     assert signal.getsignal(number) is before
+
+
+@pytest.mark.timeout(60)
+def test_a_signal_waits_for_no_lock(make_port: Any) -> None:
+    port = make_port()
+    port.manage(Idle())
+    port.shut_down()
+    with signals_amid_locks():
+        port.spin()
+    assert port.is_shut_down
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

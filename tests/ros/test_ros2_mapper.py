@@ -51,7 +51,7 @@ def started(make_port: Callable[..., Any], *parameters: str) -> tuple[Any, Seman
         f"depth_topic:={DEPTH}",
         f"detections_topic:={DETECTIONS}",
         "detections_type:=vision_msgs/Detection2DArray",
-        "tf_timeout:=5.0",
+        "tf_timeout:=10.0",
         *parameters,
     )
     words = [word for value in given for word in ("-p", value)]

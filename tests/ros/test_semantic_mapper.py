@@ -60,7 +60,7 @@ def test_clouds_bring_their_own_camera(room: Callable[..., Room], drive: list[Rg
         camera.CLOUD,
         cloud_topic=camera.CLOUD,
         detections_topic=camera.DARKNET,
-        tf_timeout=5.0,
+        tf_timeout=10.0,
     )
     layer = node.map(frames)
     assert_same(layer.objects(), mapped([with_whole_pixels(frame) for frame in frames]))
@@ -78,7 +78,7 @@ def test_compressed_depth_and_vision_msgs(
         camera_info_topic=camera.INFO,
         detections_topic=camera.VISION,
         detections_type="vision_msgs/Detection2DArray",
-        tf_timeout=5.0,
+        tf_timeout=10.0,
     )
     names = sorted({str(n) for f in frames if f.detections is not None for n in f.detections.names})
     node.camera.numbers = {name: number for number, name in enumerate(names)}
@@ -138,7 +138,7 @@ def test_a_file_of_detections_goes_by_the_stamps_of_color(
         depth_topic=camera.DEPTH,
         color_topic=camera.COMPRESSED_COLOR,
         detections_file=str(file),
-        tf_timeout=5.0,
+        tf_timeout=10.0,
     )
     node.show_camera_info(frames[0])
     for number, frame in enumerate(frames):

@@ -119,7 +119,7 @@ def test_a_slow_detector_drops_frames_and_does_not_lag(
         depth_topic=camera.DEPTH,
         color_topic=camera.COLOR,
         detector="slow.onnx",
-        tf_timeout=5.0,
+        tf_timeout=10.0,
     )
     node.show_camera_info(drive[0])
 

@@ -214,7 +214,9 @@ def test_foxglove_looks_on_over_a_websocket() -> None:
     log = FoxgloveLog(None, "small", port=0)
     with (
         contextlib.closing(log),
-        connect(log.url, subprotocols=["foxglove.sdk.v1"], max_size=None) as socket,
+        connect(
+            log.url, subprotocols=["foxglove.sdk.v1"], max_size=None, open_timeout=120
+        ) as socket,
     ):
         log.add_map(small_map())  # makes the channels known
         known: dict[str, int] = {}
@@ -286,7 +288,7 @@ def test_no_website_looks_on_at_foxgloves_log() -> None:
         address = urlsplit(log.url)
         assert address.hostname is not None
         assert address.port is not None
-        with socket.create_connection((address.hostname, address.port), timeout=30) as one:
+        with socket.create_connection((address.hostname, address.port), timeout=120) as one:
             one.sendall(f"GET / HTTP/1.1\r\nHost: {address.netloc}\r\n".encode())
             one.sendall(b"Origin: https://evil.example\r\n\r\n")
             assert one.recv(12) == b"HTTP/1.1 403"

@@ -41,7 +41,7 @@ def gate() -> Iterator[Gate]:
 
 
 def connected(gate: Gate) -> socket.socket:
-    return socket.create_connection(("127.0.0.1", gate.port), timeout=30)
+    return socket.create_connection(("127.0.0.1", gate.port), timeout=120)
 
 
 def received(client: socket.socket, size: int) -> bytes:
@@ -105,7 +105,7 @@ def test_those_who_talk_are_so_many_and_others_are_told(
             with contextlib.suppress(ConnectionError):
                 late.sendall(ASK)
             assert late.recv(1000).startswith(b"HTTP/1.1 503 Service Unavailable")
-    end, answer = time.monotonic() + 30, b""
+    end, answer = time.monotonic() + 120, b""
     while answer != ASK:  # until the gate has seen that they are gone
         assert time.monotonic() < end
         with connected(gate) as later:

@@ -100,9 +100,9 @@ def command(
         with until_signal():
             serve_http(server, port, secret, started)
         return
-    if sys.stdin.isatty():
-        note("waiting for an agent on standard input; clients start this command themselves")
     with _ended_at_once(opened):
+        if sys.stdin.isatty():
+            note("waiting for an agent on standard input; clients start this command themselves")
         serve_stdio(server)
 
 

@@ -15,12 +15,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from types import FrameType
+from types import CodeType, FrameType
 from typing import NoReturn
 
 from hypermap.ros.signals import on_end_signals
 
-_SOON = 0.05  # s
+_SOON = 0.01  # s
 _ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 
 _log = logging.getLogger(__name__)
@@ -94,9 +94,8 @@ def ended_by_signals() -> Iterator[None]:
             before(lost)
         elif came:
             # From a thread, as Python would handle it right here otherwise, and drop it again.
-            is_done = threading.Event()
-            threading.Thread(target=_send_after, args=[is_done, came[-1]], daemon=True).start()
-            is_done.set()  # it takes its time to start where the machine is busy
+            arguments = send_again.__code__, came[-1]
+            threading.Thread(target=_send_after, args=arguments, daemon=True).start()
         # Otherwise it is of a node that handles signals itself, and has noted that it is to end.
 
     before, sys.unraisablehook = sys.unraisablehook, send_again
@@ -112,10 +111,19 @@ def ended_by_signals() -> Iterator[None]:
         sys.unraisablehook = before
 
 
-def _send_after(event: threading.Event, number: int) -> None:
-    event.wait()
-    time.sleep(_SOON)
+def _send_after(code: CodeType, number: int) -> None:
+    """Send a signal once the main thread has left a function, however long that takes."""
+    while any(frame.f_code is code for frame in _frames(threading.main_thread())):
+        time.sleep(_SOON)
     signal.raise_signal(number)
+
+
+def _frames(thread: threading.Thread) -> Iterator[FrameType]:
+    """Yield where a thread is, the innermost function first."""
+    frame = sys._current_frames().get(thread.ident or 0)
+    while frame is not None:
+        yield frame
+        frame = frame.f_back
 
 
 @contextmanager

@@ -81,6 +81,7 @@ class Processes:
         self._tasks: queue.SimpleQueue[_Task | None] = queue.SimpleQueue()
         self._workers = [_Worker() for _ in range(count)]
         self._is_closed = False
+        self._closing = threading.Lock()  # no worker is restarted meanwhile
         self._threads = [
             threading.Thread(target=self._serve, args=[worker], daemon=True)
             for worker in self._workers
@@ -112,14 +113,13 @@ class Processes:
 
     def close(self) -> None:
         """End all workers, and what they are doing."""
-        self._is_closed = True
+        with self._closing:
+            self._is_closed = True
         for worker in self._workers:
             self._tasks.put(None)
             worker.end()
         for thread in self._threads:
             thread.join()
-        for worker in self._workers:  # one that was restarted meanwhile
-            worker.end()
 
     def _serve(self, worker: _Worker) -> None:
         """Let a worker do one task after the other."""
@@ -137,9 +137,10 @@ class Processes:
             try:
                 answered = worker.answer(call)
             except (EOFError, OSError):  # it is not there any more
-                if self._is_closed:
-                    break
-                worker.begin()
+                with self._closing:
+                    if self._is_closed:
+                        break
+                    worker.begin()
                 continue
             resolve(task.future, answered)
             return

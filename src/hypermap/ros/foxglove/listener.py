@@ -82,9 +82,8 @@ class Listener(ServerListener):
         """
         with self._lock:
             self._watched[channel] = on_change
-            early = self._early.pop(channel, 0)
-        if early:
-            on_change(early)
+            if early := self._early.pop(channel, 0):
+                on_change(early)
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002
         """Tell a channel's publisher of one more subscriber."""
@@ -99,8 +98,8 @@ class Listener(ServerListener):
             on_change = self._watched.get(channel)
             if on_change is None:
                 self._early[channel] = self._early.get(channel, 0) + change
-                return
-        on_change(change)
+            else:
+                on_change(change)  # one at a time: the server has many threads
 
     # Topics of clients
 

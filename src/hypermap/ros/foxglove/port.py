@@ -91,9 +91,9 @@ class FoxglovePort:
         self._given = dict(values or {})
         self._transforms = TransformLog()
         self._tf_static: Publisher | None = None
-        self._end = threading.Event()
         self._lock = threading.Lock()
         self._is_stopped = False
+        self._is_ending = False  # no event: a handler of signals could wait for its lock
         self._is_spinning = False
         self._handlers: dict[int, Any] = {}
         self._sender = ThreadPoolExecutor(1, thread_name_prefix="latched")
@@ -316,18 +316,18 @@ class FoxglovePort:
     @property
     def is_shut_down(self) -> bool:
         """Whether the node is to end."""
-        return self._end.is_set()
+        return self._is_ending
 
     def spin(self) -> None:
         """Return when the node is to end."""
         self._is_spinning = True
-        while not self._end.wait(_LOOK_PERIOD):
-            pass  # a signal that another thread has received is handled here
+        while not self._is_ending:
+            time.sleep(_LOOK_PERIOD)
         self._is_spinning = False
 
     def shut_down(self) -> None:
         """End the node and the connections of its clients."""
-        self._end.set()
+        self._is_ending = True
         with self._lock:
             was_stopped, self._is_stopped = self._is_stopped, True
         if not was_stopped:
@@ -342,7 +342,7 @@ class FoxglovePort:
         """Let signals end the node, also while it still starts."""
 
         def end(_number: int, _frame: FrameType | None) -> None:
-            self._end.set()
+            self._is_ending = True
             if not self._is_spinning:
                 raise KeyboardInterrupt
 

@@ -62,7 +62,7 @@ class Ros2Port:
 
     def __init__(self, name: str, argv: Sequence[str] | None = None) -> None:
         self.is_stuck = False
-        self._end = threading.Event()
+        self._is_ending = False  # no event: a handler of signals could wait for its lock
         self._closed = False
         self._static: Publisher | None = None
         self._changes: Changes | None = None
@@ -252,35 +252,35 @@ class Ros2Port:
     @property
     def is_shut_down(self) -> bool:
         """Whether the node is to end."""
-        return self._end.is_set() or not rclpy.ok()
+        return self._is_ending or not rclpy.ok()
 
     def spin(self) -> None:
         """Return when the node is to end, and has ended."""
         with on_end_signals(lambda *_: self.shut_down()):
             try:
                 while not self.is_shut_down:
-                    time.sleep(0.1)  # a lock in a handler of signals could wait for itself
+                    time.sleep(0.1)
             finally:
                 self._close()
 
     def shut_down(self) -> None:
         """End the node: `spin` returns."""
-        self._end.set()
+        self._is_ending = True
 
     def _interrupt(self, *_: object) -> None:
         """End the start at once. What comes again, as from `ros2 launch`, disturbs no end."""
-        if not self._end.is_set():
-            self._end.set()
+        if not self._is_ending:
+            self._is_ending = True
             raise KeyboardInterrupt
 
     def _run(self, executor: Any) -> None:
         """Run an executor until the node ends, whatever a callback of rclpy's own raises."""
         while not self.is_shut_down:
             self._guarded("rclpy", executor.spin)
-        self._end.set()
+        self._is_ending = True
 
     def _close(self) -> None:
-        self._end.set()
+        self._is_ending = True
         if self._closed:
             return
         self._closed = True
