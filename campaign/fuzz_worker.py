@@ -5,7 +5,7 @@
 SECONDS count from its start, but it asks at least once after it has warmed up. It keeps what it
 finds in FOLDER, and says on standard output in one line of JSON what it did. What it is asking at
 the moment lies in FOLDER/now, should it hang or die; FOLDER/ready is there once it has warmed up,
-and FOLDER/died says why it could not.
+and FOLDER/died says why it could not. FOLDER/log has libFuzzer's lines, with the coverage.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ MOST_SECONDS = 2.0  # of an answer, in time of the processor
 MOST_BYTES = 1_000_000_000  # of memory, for the whole process
 FRESH = 0.4  # the share of inputs that begin with an example, whatever was found since
 READY, DIED = "ready", "died"  # files that say that a process has warmed up, or why not
+LOG = "log"  # of libFuzzer
 SPOILED = 0.6  # of the others, the share that we spoil by their kind; libFuzzer does the rest
 _SOURCES = Path(__file__).resolve().parent.parent / "src"
 
@@ -52,12 +53,13 @@ class Tries:
         refused: how often the answer was a HypermapError.
         slowest: the longest answer [s], of the processor's time.
         prepared: how long it took until all was ready to be asked [s].
+        processor: time of the processor since then, that of processes that ended included [s].
         findings: in words, with the file that shows each.
     """
 
     def __init__(self, ask: Callable[[bytes], object], folder: Path) -> None:
         self.runs = self.refused = 0
-        self.slowest = self.prepared = 0.0
+        self.slowest = self.prepared = self._begun = 0.0
         self.findings: dict[str, str] = {}
         self._ask = ask
         self._folder = folder
@@ -98,7 +100,13 @@ class Tries:
             for data in corpus:
                 self(data)
         self._is_warm = True
+        self._begun = _processor_seconds()
         (self._folder / READY).touch()
+
+    @property
+    def processor(self) -> float:
+        """Return the time of the processor since all was ready [s]."""
+        return _processor_seconds() - self._begun
 
     def close(self) -> None:
         """Ask no more."""
@@ -111,6 +119,10 @@ class Tries:
         path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}.input"
         path.write_bytes(data)
         self.findings[key or what] = json.dumps({"what": what, "file": str(path)})
+
+
+def _processor_seconds() -> float:
+    return sum(os.times()[:4])
 
 
 def described(error: BaseException) -> str:
@@ -130,14 +142,14 @@ def main() -> None:
     started = time.monotonic()
     ends = started + float(seconds)
     warnings.simplefilter("ignore")
-    said = os.dup(1)  # libFuzzer and what it calls write on the others
+    kept = Path(folder).absolute()
+    kept.mkdir(parents=True, exist_ok=True)
+    said = os.dup(1)  # what is asked writes on the others, and libFuzzer on the last
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    os.dup2(1, 2)
+    os.dup2(os.open(kept / LOG, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND), 2)
     guide = _atheris() if not runs else None
     logging.getLogger().addHandler(logging.NullHandler())
     logging.lastResort = None
-    kept = Path(folder).absolute()
-    kept.mkdir(parents=True, exist_ok=True)
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # where saves need no disk
     with tempfile.TemporaryDirectory(prefix="hypermap-fuzz-", dir=memory) as scratch:
         os.chdir(scratch)
@@ -173,6 +185,7 @@ def _say(handle: int, name: str, tries: Tries, way: str) -> None:
         "refused": tries.refused,
         "slowest": tries.slowest,
         "prepared": tries.prepared,
+        "processor": tries.processor,
         "peak": peak_bytes(),
         "findings": [json.loads(found) for found in tries.findings.values()],
     }
@@ -246,7 +259,7 @@ def _guided(
         return spoiled(data, target, target.corpus, draw)[:most]
 
     options = [f"-seed={seed % 2**31 or 1}", "-rss_limit_mb=0", "-timeout=600", "-handle_int=0"]
-    options += [f"-max_len={LONGEST}", "-verbosity=0", "-print_final_stats=0", "-len_control=0"]
+    options += [f"-max_len={LONGEST}", "-close_fd_mask=2", "-len_control=0"]
     guide.Setup([sys.argv[0], *options, str(corpus)], once, custom_mutator=mutate)
     guide.Fuzz()
 

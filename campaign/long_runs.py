@@ -223,7 +223,7 @@ class _Day:
         self.findings: list[str] = []
         self.robot = Robot(save_to=str(saved), save_every=0.0, patience=0.5)
         self.node = SemanticMapper(cast(Any, self.robot))
-        self._saved = saved
+        self._saved, self._shown = saved, self.clock
         self._rng = np.random.default_rng(seed)
         self._begin()
 
@@ -247,8 +247,8 @@ class _Day:
         if event == "restart":
             self.end()
             self._begin()
-        elif event == "jump":
-            self.clock -= round(self._rng.uniform(2, 3600) * 1e9)
+        elif event == "jump":  # by more than messages may be in disorder
+            self.clock = self._shown - round(self._rng.uniform(2, 3600) * 1e9)
         elif event == "other clock":
             self.robot.show(frame, self.clock + _YEARS, DEPTH)
             self.clock += 10**9
@@ -262,6 +262,7 @@ class _Day:
     def _show(self, frame: RgbdFrame) -> None:
         """Show a frame whole, and wait until the node has mapped it."""
         before = self._fates()
+        self._shown = self.clock
         self.robot.show(frame, self.clock)
         limit = time.monotonic() + _PATIENCE
         while not _LOOKED_AT & (self._fates() - before).keys():

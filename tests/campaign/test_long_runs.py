@@ -6,6 +6,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+from hypermap.perception.detections import Detections
+from hypermap.perception.frame import Camera, RgbdFrame
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # as `python -m campaign` has it
 
@@ -33,3 +37,29 @@ def test_what_grows_is_found() -> None:
     assert "15.0 MB more after 15000 frames" in found
     [found] = long_runs.uneven(np.cumsum(0.004 + 4e-6 * frames), level)
     assert "times slower" in found
+
+
+class _Least:
+    """Luck that always draws the least."""
+
+    def uniform(self, low: float, _: float) -> float:
+        return low
+
+
+def test_the_clock_jumps_back_beyond_the_last_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A frame that is a little older than the last one is not lost, but too old."""
+    monkeypatch.setattr(long_runs, "_PATIENCE", 20.0)
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])  # looks down from 2 m
+    pose[2, 3] = 2.0
+    camera = Camera.from_intrinsics(60.0, 60.0, 31.5, 23.5, 64, 48)
+    seen = Detections.of([[20, 12, 44, 36]], ["box"])
+    frame = RgbdFrame(0.0, np.full((48, 64), 2.0, np.float32), camera, pose, detections=seen)
+    day = long_runs._Day(tmp_path / "live.hmap", seed=1)
+    monkeypatch.setattr(day, "_rng", _Least())
+    day.meet(frame, "")
+    day.clock += 1_900_000_000
+    day.meet(frame, "jump")
+    day.end()
+    assert day.lost == []

@@ -279,6 +279,28 @@ def test_only_one_program_at_a_time_migrates_a_store(
     assert migrating.migrate(parse_address(store)) == SCHEMA_VERSION
 
 
+def test_migrate_on_a_full_disk_says_so(
+    database: Database, store: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    connection = database.connected()
+    connection.execute(
+        "CREATE FUNCTION public.full_disk() RETURNS event_trigger LANGUAGE plpgsql AS $$ BEGIN "
+        "RAISE EXCEPTION USING ERRCODE = 'disk_full', MESSAGE = 'could not extend file'; END $$"
+    )
+    connection.execute(
+        "CREATE EVENT TRIGGER full_disk ON ddl_command_start WHEN TAG IN ('CREATE SCHEMA') "
+        "EXECUTE FUNCTION public.full_disk()"
+    )
+    try:
+        with pytest.raises(SystemExit, match="2"):
+            main(["migrate", store])
+    finally:
+        connection.execute("DROP FUNCTION public.full_disk CASCADE")
+    said = capsys.readouterr().err
+    assert "the disk of the database is full; free space there, and try again" in said
+    assert "Traceback" not in said
+
+
 @pytest.mark.parametrize(
     "text", ["postgresql://a@h/\udcff", "postgresql://h/b?site=\udcff", "postgresql://%99@h/b"]
 )

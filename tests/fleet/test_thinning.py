@@ -44,6 +44,29 @@ def places(database: Database, site: str, version: int | None = None) -> list[fl
     return [item.footprint.bounds[0] for item in pull(database, site, version).semantic()]
 
 
+def test_thin_on_a_full_disk_removes_nothing(
+    database: Database, old_site: str, store: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    connection = database.connected()
+    connection.execute(
+        "CREATE FUNCTION public.full_disk() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN "
+        "RAISE EXCEPTION USING ERRCODE = 'disk_full', MESSAGE = 'could not extend file'; END $$"
+    )
+    connection.execute(
+        "CREATE TRIGGER full_disk BEFORE DELETE ON versions EXECUTE FUNCTION public.full_disk()"
+    )
+    before = [places(database, old_site, version) for version in range(1, 7)]
+    try:
+        with pytest.raises(SystemExit, match="2"):
+            main(["thin", store, "--site", old_site, "--keep-for", "2d"])
+    finally:
+        connection.execute("DROP FUNCTION public.full_disk CASCADE")
+    said = capsys.readouterr().err
+    assert f"{old_site}: not thinned: " in said
+    assert "the disk of the database is full; free space there, and try again" in said
+    assert [places(database, old_site, version) for version in range(1, 7)] == before
+
+
 def test_versions_of_the_time_that_is_kept_stay_as_they_were(
     database: Database, old_site: str
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import logging
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,16 @@ def test_a_policy_drops_the_oldest_by_age_and_by_size() -> None:
     half = versions(history_files(history, HistoryPolicy(keep="999d", max_mb=size / 2e6)))
     assert half == list(range(101 - len(half), 101))
     assert 48 <= len(half) <= 52
+
+
+def test_one_session_under_a_clock_far_ahead_drops_nothing() -> None:
+    days = [*range(1, 21), 4000, 4000.5]
+    history = History(added=tuple(revision(n, day * DAY) for n, day in enumerate(days, 1)))
+    assert versions(history_files(history, HistoryPolicy(keep="10d"))) == list(range(10, 23))
+    later = replace(history, added=(*history.added, revision(23, 21 * DAY)))  # the clock is right
+    assert versions(history_files(later, HistoryPolicy(keep="10d"))) == list(range(11, 24))
+    long = replace(history, added=(*history.added, revision(23, 4001 * DAY)))  # it was right before
+    assert versions(history_files(long, HistoryPolicy(keep="10d"))) == [21, 22, 23]
 
 
 def office(path: Path) -> Hypermap:

@@ -9,7 +9,7 @@ import json
 import logging
 import math
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from typing import Any
@@ -33,6 +33,7 @@ KEY = "history"
 
 _PER_METER = 10_000  # the unit of coordinates is 0.1 mm
 _FULL = 256 * 1024  # bytes of a file, from which on another one is begun
+_DAY, _LONG_PAUSE = 86_400.0, 30 * 86_400.0  # s
 _LOST = b'{"lost":true}\n'
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 _WRONG = (
@@ -103,9 +104,8 @@ def history_files(history: History, policy: HistoryPolicy) -> dict[str, bytes]:
 
 def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]:
     """Return files without their oldest lines, as far as a policy drops these."""
-    end = latest_time()
-    stamps = (stamp for stamp in map(_time_in, _lines(files)) if stamp is not None)
-    begin = max((stamp for stamp in stamps if stamp <= end), default=-math.inf) - policy.seconds
+    stamps = [stamp for stamp in map(_time_in, _lines(files)) if stamp is not None]
+    begin = _newest_certain(stamps) - policy.seconds
     surplus = sum(map(len, files.values())) - policy.max_mb * 1e6
     bounded: dict[str, bytes] = {}
     for name, content in files.items():
@@ -118,6 +118,22 @@ def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]
         if lines:
             bounded[name] = b"".join(lines)
     return bounded
+
+
+def _newest_certain(stamps: Iterable[float]) -> float:
+    """Return the newest time that is not likely to be that of a clock far ahead; -inf for none.
+
+    A time long after all others counts once others that are at least a day later confirm it: a
+    single session under a wrong clock must not make all that was before it too old.
+    """
+    end, newest, first, before = latest_time(), -math.inf, -math.inf, -math.inf
+    for stamp in sorted(stamp for stamp in stamps if stamp <= end):
+        if stamp - before > _LONG_PAUSE:
+            first = stamp
+        if stamp - first >= _DAY:
+            newest = stamp
+        before = stamp
+    return newest
 
 
 def _lines(files: Mapping[str, bytes]) -> Iterator[bytes]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from psycopg import Connection, Cursor
     from typing_extensions import LiteralString
 
-__all__ = ["SCHEMA_VERSION", "Database", "connect", "errors", "psycopg"]
+__all__ = ["SCHEMA_VERSION", "Database", "connect", "errors", "psycopg", "reason_of"]
 
 SCHEMA_VERSION = "2"
 """The newest of `migrations/versions`, which this program reads and writes."""
@@ -150,17 +150,17 @@ class Database:
         try:
             yield
         except errors.InsufficientPrivilege as error:
-            raise StoreError(f"{self.address.shown}: not allowed: {_reason(error)}") from None
+            raise StoreError(f"{self.address.shown}: not allowed: {reason_of(error)}") from None
         except (psycopg.OperationalError, psycopg.InterfaceError) as error:
             connection = self._connection
             if connection is None or connection.closed or connection.broken:
-                reason = _reason(error)
+                reason = reason_of(error)
                 raise StoreAway(
                     f"{self.address.shown}: the database cannot be reached: {reason}"
                 ) from None
-            raise StoreError(f"{self.address.shown}: {_reason(error)}") from None
+            raise StoreError(f"{self.address.shown}: {reason_of(error)}") from None
         except (psycopg.DataError, psycopg.InternalError) as error:  # the latter of PostGIS
-            raise StoreError(f"{self.address.shown}: {_reason(error)}") from None
+            raise StoreError(f"{self.address.shown}: {reason_of(error)}") from None
         except UnicodeEncodeError as error:
             text = error.object[:60]
             raise StoreError(
@@ -196,7 +196,7 @@ def connect(address: Address) -> Connection[Any]:
             psycopg.conninfo.make_conninfo(address.database, **more), autocommit=True
         )
     except psycopg.OperationalError as error:
-        reason = _reason(error)
+        reason = reason_of(error)
         if password := given.get("password"):
             reason = reason.replace(str(password), "***")
         is_refusal = "FATAL:" in reason and "starting up" not in reason
@@ -210,7 +210,10 @@ def _remedy(version: str) -> str:
     return "hypermap migrate URL" if is_older else "update Hypermap"
 
 
-def _reason(error: Exception) -> str:
+def reason_of(error: BaseException) -> str:
     """Return the first lines of an error, without what the program has asked."""
     lines = [line.strip() for line in str(error).splitlines()]
-    return "; ".join(line for line in lines if line and not line.startswith(_OF_THE_QUESTION))
+    shown = [line for line in lines if line and not line.startswith(_OF_THE_QUESTION)]
+    if isinstance(error, errors.DiskFull):
+        return f"the disk of the database is full; free space there, and try again ({shown[0]})"
+    return "; ".join(shown)

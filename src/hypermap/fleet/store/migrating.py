@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hypermap.core.errors import MissingExtra
 from hypermap.fleet.store.address import Address, StoreError
-from hypermap.fleet.store.database import connect, errors
+from hypermap.fleet.store.database import connect, errors, psycopg, reason_of
 from hypermap.fleet.store.tables import SRID
 
 VERSION_TABLE = "store_version"
@@ -51,8 +51,11 @@ def migrate(address: Address) -> str:
             f"{address.shown}: a later version of Hypermap made this store; update Hypermap"
         ) from None
     except exc.DBAPIError as error:
-        reason = str(error.orig).splitlines()[0]
+        reason = reason_of(error.orig or error)
         raise StoreError(f"{address.shown}: cannot create the tables: {reason}") from None
+    except psycopg.Error as error:
+        reason = reason_of(error)
+        raise StoreError(f"{address.shown}: cannot add PostGIS and the tables: {reason}") from None
     return ScriptDirectory.from_config(config).get_current_head() or ""
 
 
