@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
+
+_LONGEST = 2000  # characters of a message
+_PASSWORD = re.compile(r"(\bpostgres(?:ql)?:/+[^:/@\s]*):[^@\s]*@")
 
 
 def printable(text: object, longest: int = 28) -> str:
@@ -18,6 +22,22 @@ def printable(text: object, longest: int = 28) -> str:
     visible = "".join(c if c.isprintable() else " " for c in str(text))
     line = " ".join(visible.split())
     return line if len(line) <= longest else line[: longest - 1] + "…"
+
+
+def visible(text: str, longest: int = _LONGEST) -> str:
+    r"""Return a text of ours with names from outside in it, safe for a terminal and not endless.
+
+    The password in the address of a store is left out.
+
+    >>> visible("\x1b[31m.hmap: there is no such file")
+    '\\x1b[31m.hmap: there is no such file'
+    >>> visible("postgresql://me:secret@db.example/maps: no file")
+    'postgresql://me@db.example/maps: no file'
+    """
+    text = _PASSWORD.sub(r"\1@", text)
+    if len(text) > longest:
+        text = f"{text[: longest // 2]} ... {text[-longest // 2 :]}"
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 
 def fit_for_json(value: Any) -> Any:

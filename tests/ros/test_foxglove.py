@@ -105,6 +105,33 @@ def test_websites_are_let_in_only_by_name(headers, is_let_in):
         port.shut_down()
 
 
+def test_what_strangers_send_controls_no_terminal(port, capfd):
+    ask = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
+    ask += b"Origin: https://a\x1b[31m\n[ERROR] [/server]: forged;reboot\x9b\r\n\r\n"
+    with socket.create_connection(("127.0.0.1", number_port(port.url)), timeout=120) as one:
+        one.sendall(ask)
+        assert one.recv(12) == b"HTTP/1.1 403"
+    lines = []
+    wait_for(lambda: lines.extend(capfd.readouterr().err.splitlines()) or len(lines) > 2, "lines")
+    assert all(line.startswith(("[INFO]", "[WARNING]", "    ")) for line in lines)
+    assert all(line.isprintable() for line in lines)
+    port.log("warning", "frame 'a\x1b[31m\u202e\udcff\n[ERROR] forged'")
+    said = capfd.readouterr().err
+    assert said == "[WARNING] [/server]: frame 'a\\x1b[31m\\u202e\\udcff\n    [ERROR] forged'\n"
+
+
+def test_refused_connections_are_logged_once_of_each_kind_for_a_while(port):
+    lines = logged_by("/server")
+    plain = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    site = plain[:-2] + b"Upgrade: websocket\r\nOrigin: https://it's-%d.example\r\n\r\n"
+    for asked in (plain, plain, plain, site % 1, site % 2):
+        with socket.create_connection(("127.0.0.1", number_port(port.url)), timeout=120) as one:
+            one.sendall(asked)
+            assert one.recv(12) == b"HTTP/1.1 403"
+    said = [line[:12] for line in lines]
+    assert said == ["this is a We", "the website "]
+
+
 def test_clients_may_only_look_unless_edits_are_allowed(capfd):
     port = FoxglovePort("server", port=0)
     done = port.response("std_srvs/Trigger")(success=True, message="gone")

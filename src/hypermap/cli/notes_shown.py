@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hypermap.cli.terminal import facts, out, say, table, visible
-from hypermap.text import counted, printable
+from hypermap.cli.terminal import facts, out, say, table
+from hypermap.text import counted, printable, visible
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

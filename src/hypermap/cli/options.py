@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.terminal import INTERRUPTED, visible
+from hypermap.cli.terminal import INTERRUPTED
 from hypermap.core.errors import HypermapError
+from hypermap.text import visible
 
 if TYPE_CHECKING:
     pass

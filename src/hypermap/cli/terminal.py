@@ -15,15 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from hypermap.core.errors import HypermapError
-from hypermap.text import fit_for_json
+from hypermap.text import fit_for_json, visible
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
 NO_MEMORY, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes
-_LONGEST = 2000  # characters of a message
-_PASSWORD = re.compile(r"(\bpostgres(?:ql)?:/+[^:/@\s]*):[^@\s]*@")
 _CONTROLS = re.compile("[\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 _PIPED_WIDTH = 160  # columns of a table that goes to a file or another program
 
@@ -63,22 +61,6 @@ def complain(text: str) -> None:
     lines = (line.strip() for line in text.splitlines())
     message = visible("; ".join(filter(None, lines)))
     print("hypermap: error:", message, file=sys.stderr, flush=True)  # noqa: T201
-
-
-def visible(text: str) -> str:
-    r"""Return a text of ours with names from outside in it, safe for a terminal and not endless.
-
-    The password in the address of a store is left out.
-
-    >>> visible("\x1b[31m.hmap: there is no such file")
-    '\\x1b[31m.hmap: there is no such file'
-    >>> visible("postgresql://me:secret@db.example/maps: no file")
-    'postgresql://me@db.example/maps: no file'
-    """
-    text = _PASSWORD.sub(r"\1@", text)
-    if len(text) > _LONGEST:
-        text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
-    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 
 def prepare_streams() -> None:

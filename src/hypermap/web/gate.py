@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import random
+import shlex
 import socket
 import sys
 import threading
@@ -177,9 +178,10 @@ class Gate:
             return f"this server is not {host[:200]!r}; connect to the address that it has named"
         if origin is None or origin.lower() in self._origins or self._is_here(origin):
             return ""
+        site = origin[:200]
         return (
-            f"the website {origin[:200]!r} is not let in; start the server with "
-            f"--allow-origin {origin[:200]} if it should be"
+            f"the website {site!r} is not let in; start the server with "
+            f"--allow-origin {shlex.quote(site)} if it should be"
         )
 
     def _is_here(self, origin: str) -> bool:

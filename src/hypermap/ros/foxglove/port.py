@@ -14,7 +14,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -25,9 +24,11 @@ from hypermap.core.errors import FrameError, HypermapError, MissingExtra
 from hypermap.recordings.messages.transforms import TransformLog
 from hypermap.ros import typestore
 from hypermap.ros.callbacks import Closing, guarded
+from hypermap.ros.log_text import log_text
 from hypermap.ros.parameters import check_names, checked
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
 from hypermap.ros.signals import end_signals
+from hypermap.ros.throttle import Throttle
 
 try:
     import foxglove
@@ -88,6 +89,7 @@ class FoxglovePort:
         self._name = f"/{name.strip('/')}"
         self._host = host
         self._logger = _terminal(self._name)
+        self._throttle = Throttle(self.log)
         self._given = dict(values or {})
         self._transforms = TransformLog()
         self._tf_static: Publisher | None = None
@@ -127,7 +129,7 @@ class FoxglovePort:
     def _open_gate(self, port: int, behind: tuple[str, int], origins: Sequence[str]) -> Gate:
         """Return the gate in front of the server, on the address and port that clients use."""
         try:
-            return Gate(self._host, port, behind, origins, partial(self.log, "warning"))
+            return Gate(self._host, port, behind, origins, self._refused)
         except (OSError, OverflowError) as error:
             self._server.stop()
             reason = getattr(error, "strerror", None) or error
@@ -135,6 +137,11 @@ class FoxglovePort:
                 f"cannot listen on {self._host}, port {port}: {reason}; give another --port or "
                 "--host"
             ) from None
+
+    def _refused(self, reason: str) -> None:
+        """Log why a connection was refused, but seldom: anybody can open as many as they like."""
+        kind = reason[:12]  # what comes before any name that the client has given
+        self._throttle.log("warning", kind, reason)
 
     @property
     def url(self) -> str:
@@ -305,6 +312,7 @@ class FoxglovePort:
 
     def log(self, level: Level, text: str) -> None:
         """Write a line to the node's log and to /rosout."""
+        text = log_text(text)
         of_python, of_ros = _LEVELS[level]
         self._logger.log(of_python, "%s", text)
         if self._rosout is not None and self._rosout.listeners:

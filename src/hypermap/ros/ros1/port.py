@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FrameError, HypermapError
 from hypermap.core.trajectory import pose_matrix
 from hypermap.ros.callbacks import Closing, guarded
+from hypermap.ros.log_text import log_text
 from hypermap.ros.parameters import ParameterSet
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
 from hypermap.ros.ros1.arrays import reading_arrays
@@ -228,7 +229,7 @@ class Ros1Port:
             "warning": rospy.logwarn,
             "error": rospy.logerr,
         }[level]
-        write("%s", text)
+        write("%s", log_text(text))
 
     @property
     def is_shut_down(self) -> bool:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
 from hypermap.ros.callbacks import Closing, guarded
+from hypermap.ros.log_text import log_text
 from hypermap.ros.port import Closable, Level, Message, Node, Parameter, Publisher, Value
 
 try:
@@ -220,6 +221,7 @@ class Ros2Port:
 
     def log(self, level: Level, text: str) -> None:
         """Write a line to the node's log."""
+        text = log_text(text)
         logger = self._node.get_logger()
         # rclpy remembers the level of each line of code that logs, and refuses another there.
         if level == "debug":
