@@ -416,7 +416,8 @@ def test_a_full_disk_leaves_the_old_files_and_no_litter(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", FULL_DISK, str(tmp_path)], capture_output=True, text=True, check=True
     )
-    assert done.stdout == f"{tmp_path / 'b'}: cannot be saved: File too large\n"
+    said = "cannot be saved: File too large; allow larger files (ulimit -f), or save elsewhere"
+    assert done.stdout == f"{tmp_path / 'b'}: {said}\n"
     assert names(tmp_path) == ["a", "b"]
     assert (tmp_path / "a").read_bytes() == b"old a"
     assert (tmp_path / "b").read_bytes() == b"old b"

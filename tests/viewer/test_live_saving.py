@@ -211,7 +211,8 @@ def test_a_full_disk_leaves_everything_as_it_was(tmp_path, monkeypatch):
             raise OSError(28, "No space left on device")
 
         monkeypatch.setattr("os.fsync", full)
-        assert "No space left on device" in window.post("/api/save", 400)["error"]
+        said = window.post("/api/save", 400)["error"]
+        assert "No space left on device; free space there, or save elsewhere" in said
         monkeypatch.undo()
         assert window.get("/api/map")["unsaved"]
     assert path.read_bytes() == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import secrets
@@ -24,6 +25,11 @@ from hypermap.formats.journal import (
 from hypermap.formats.locks import HAS_LOCKS, is_locked, lock_file, turn_to_save
 
 _TEMPORARY = re.compile(r"\.hypermap-[0-9a-f]{16}(-[0-9]+)?\.tmp")
+_REMEDIES = {
+    errno.ENOSPC: "free space there, or save elsewhere",
+    errno.EDQUOT: "free some of your space there, or save elsewhere",
+    errno.EFBIG: "allow larger files (ulimit -f), or save elsewhere",
+}
 _PART = re.compile(r"\.hypermap-[0-9a-f]{16}\.part(\.\w+)?")
 
 
@@ -58,6 +64,13 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
     _write_files(folder, files)
 
 
+def why_not_written(error: OSError) -> str:
+    """Return what the system says, and what to do where there is no room."""
+    remedy = _REMEDIES.get(error.errno or 0)
+    said = error.strerror or str(error)
+    return f"{said}; {remedy}" if remedy else said
+
+
 def refuse_link_out(path: Path, folder: Path) -> None:
     """Refuse to write a file that lies elsewhere, by a link that whoever made the folder left.
 
@@ -89,7 +102,7 @@ def _write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
         _save(Journal(root, list(files)), list(files.values()))
     except OSError as error:
         where = getattr(error, "filename2", None) or target  # the target of a rename
-        raise HypermapError(f"{where}: cannot be saved: {error.strerror}") from error
+        raise HypermapError(f"{where}: cannot be saved: {why_not_written(error)}") from error
     except ValueError:  # a NUL character, or half of a character
         raise HypermapError(
             f"{str(target)!r}: cannot be saved: it is not a valid file name"
@@ -116,7 +129,7 @@ def file_beside(path: str | Path) -> Iterator[Path]:
             yield unfinished.path
             unfinished.become(final)
     except OSError as error:
-        raise HypermapError(f"{target}: cannot be saved: {error.strerror}") from error
+        raise HypermapError(f"{target}: cannot be saved: {why_not_written(error)}") from error
     except ValueError:
         raise HypermapError(
             f"{str(target)!r}: cannot be saved: it is not a valid file name"

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.formats.atomic import why_not_written
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import Recording
@@ -82,7 +83,7 @@ def write_bag(
     except HypermapError:
         raise  # FileMissing, which is an OSError too
     except OSError as error:
-        raise HypermapError(f"{path}: cannot be written: {error.strerror}") from error
+        raise HypermapError(f"{path}: cannot be written: {why_not_written(error)}") from error
     finally:
         partial.unlink(missing_ok=True)
 

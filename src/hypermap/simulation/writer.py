@@ -13,6 +13,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.formats.atomic import why_not_written
 from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.recording import Recording
@@ -54,7 +55,7 @@ def write_tum(
     except HypermapError:
         raise  # FileMissing, which is an OSError too
     except OSError as error:
-        raise HypermapError(f"{folder}: cannot be written: {error.strerror}") from error
+        raise HypermapError(f"{folder}: cannot be written: {why_not_written(error)}") from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
 

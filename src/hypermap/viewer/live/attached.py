@@ -24,7 +24,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.notes import Attachment, Note
 from hypermap.core.notes_layer import INSIDE_UP_TO, NotesLayer
-from hypermap.formats.atomic import unfinished_file
+from hypermap.formats.atomic import unfinished_file, why_not_written
 from hypermap.formats.beside import folder_beside
 from hypermap.notes import as_html, attachment_of, attachment_of_bytes, described, find_notes
 from hypermap.notes.attach import MAX_BYTES, may_be_shown
@@ -99,7 +99,7 @@ async def _received_beside(
             kept = folder / found.sha256
             await run_in_threadpool(unfinished.become, kept)
     except OSError as error:
-        raise HypermapError(f"{folder}: cannot be written: {error.strerror}") from error
+        raise HypermapError(f"{folder}: cannot be written: {why_not_written(error)}") from error
     return replace(found, content=kept)
 
 
