@@ -334,3 +334,8 @@ def test_a_network_is_asked_from_the_score_on_that_is_saved(
     assert len(objects_in(out)) == objects  # the network's own score is 0.2
     metadata = hypermap("info", out, "--json").json["metadata"]
     assert metadata["config"]["perception"]["min_score"] == score
+
+
+def test_live_says_how_poses_that_drift_are_corrected(hypermap):
+    run = hypermap("live", "--depth-topic", "/depth", "--correct-poses", "graph")
+    assert_one_error(run, "hypermap map BAG --correct-poses graph")

@@ -32,7 +32,7 @@ from hypermap.mapping.frame_log import (
     LoggedFrame,
     floor_motion,
     packed_frame,
-    unpacked_frame,
+    unpacked_frames,
 )
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.seen_cells import SeenCells
@@ -315,8 +315,8 @@ def test_a_damaged_log_is_one_error() -> None:
     content = packed_frame(frame)
     for wrong in (b"", content[:-5], content[:10] + b"\0" + content[11:]):
         with pytest.raises(FormatError, match=r"x\.hmap: "):
-            unpacked_frame(wrong, "x.hmap")
-    assert unpacked_frame(content, "x.hmap").observation.stamp == 1.0
+            unpacked_frames([content, wrong], "x.hmap")
+    assert [one.observation.stamp for one in unpacked_frames([content] * 2, "x.hmap")] == [1.0, 1.0]
 
 
 @pytest.mark.parametrize("shape", [[10**6, 10**6], [-1, 2], [1, 1.5], [2], "ab"])
@@ -331,7 +331,7 @@ def test_a_logged_frame_of_more_cells_than_it_holds_takes_no_memory(shape: objec
     wrong = plain.replace(b'"cells":[2,3]', b'"cells":' + said)
     assert wrong != plain
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
-        unpacked_frame(zlib.compress(wrong), "x.hmap")
+        unpacked_frames([zlib.compress(wrong)], "x.hmap")
 
 
 def test_logged_cells_that_no_grid_reaches_are_damage() -> None:
@@ -341,7 +341,7 @@ def test_logged_cells_that_no_grid_reaches_are_damage() -> None:
         SeenCells(np.array([10**15, 0]), some, some),
     )
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged: a cell is more than"):
-        unpacked_frame(packed_frame(frame), "x.hmap")
+        unpacked_frames([packed_frame(frame)], "x.hmap")
 
 
 @given(

@@ -17,7 +17,7 @@ from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import best_shape, convex_hull, votes
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.votes import _add_steps, _joined, agreed_points, aligning_moves
+from hypermap.mapping.votes import _add_steps, _joined, agreed_corners, aligning_moves
 
 CONFIG = EvidenceConfig()
 EVERYWHERE = shapely.box(-100, -100, 100, 100)
@@ -190,9 +190,8 @@ def test_votes_are_counted_as_shapely_decides_about_each_cell(
         return
     polygon = polygon.reverse() if reverse else polygon
     edges, first = _joined([each.edges for each in PreparedPolygon.all_of([polygon, polygon])])
-    weights, to_cells = np.array([1.0, 2.0]), grid.to_cells_matrix()
-    steps = np.zeros((grid.height, grid.width + 1))
-    _add_steps(edges, first, weights, np.zeros((2, 2)), to_cells, steps)
+    weights, steps = np.array([1.0, 2.0]), np.zeros((grid.height, grid.width + 1))
+    _add_steps(edges, first, weights, np.zeros((2, 2)), 1.0, (0.0, 0.0, 1.0), steps)
     counted = np.cumsum(steps[:, :-1], axis=1)
     rows, cols = np.indices(grid.shape)
     centers = shapely.points(grid.centers(rows.ravel(), cols.ravel()))
@@ -243,10 +242,10 @@ def test_edges_of_visible_areas_that_are_far_away_do_not_matter(seed: int) -> No
     shapes = [square(x, y, side=0.2) for x, y in places]
     around = [shapely.Point(*rng.uniform(-2, 2, 2)).buffer(rng.uniform(0.2, 3)) for _ in places]
     seen = buffer(*shapes, areas=around)
-    found = agreed_points(seen, CONFIG)
+    found = agreed_corners(seen, CONFIG)
     for item in seen.items:
         vars(item)["near_edges"] = item.prepared_area.edges
-    np.testing.assert_array_equal(found, agreed_points(seen, CONFIG))
+    np.testing.assert_array_equal(found, agreed_corners(seen, CONFIG))
 
 
 def test_votes_may_have_whole_numbers_as_scores() -> None:
@@ -279,6 +278,17 @@ def test_drifting_footprints_are_aligned_before_they_vote(along: tuple[int, int]
 def test_votes_are_as_fine_far_away_from_where_the_map_begins() -> None:
     for x, y in [(50, 70), (-30, 40), (5, -8)]:
         assert iou(votes(buffer(square(x, y)), CONFIG), square(x, y)) > 0.95
+
+
+def test_a_clock_that_was_not_set_does_not_change_when_an_object_was_first_seen() -> None:
+    full = buffer(square(0))
+    for stamp, first in ((1.8e9, 0.0), (1.0, 0.0)):
+        full.add(dataclasses.replace(full.items[0], stamp=stamp))
+        assert (full.first_seen, full.last_seen) == (first, 1.8e9)
+    dated = EvidenceBuffer(100)
+    for stamp in (1.8e9, 1.0, 1.7e9):
+        dated.add(dataclasses.replace(full.items[0], stamp=stamp))
+    assert (dated.first_seen, dated.last_seen) == (1.7e9, 1.8e9)
 
 
 @given(st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), min_size=1, max_size=12))

@@ -34,6 +34,7 @@ from hypermap.cli.onto import is_same_file
 from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.recording_options import OPTIONS
 from hypermap.cli.terminal import note
+from hypermap.core.errors import HypermapError
 from hypermap.text import counted
 
 if TYPE_CHECKING:
@@ -163,6 +164,7 @@ def command(
     ros1: Ros1 = False,
     ros2: Ros2 = False,
     param: Params = None,
+    correct_poses: Annotated[str | None, typer.Option("--correct-poses", hidden=True)] = None,
 ) -> None:
     """Map live on a robot: runs the node semantic_mapper until Ctrl-C, which saves the map.
 
@@ -182,6 +184,12 @@ def command(
         hypermap live --cloud-topic /camera/depth_registered/points --detections-topic
             /darknet_ros/bounding_boxes --onto office.hmap -o office.hmap
     """
+    if correct_poses is not None:
+        raise HypermapError(
+            "--correct-poses: live mapping corrects poses by an occupancy map (--map-topic) and by "
+            "the loop closures of a SLAM node; without either, record a bag, and map it: hypermap "
+            "map BAG --correct-poses graph"
+        )
     values: dict[str, Value | None] = {
         "depth_topic": depth_topic,
         "cloud_topic": cloud_topic,

@@ -19,7 +19,7 @@ from hypermap.mapping.drives import Drive
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import FoundEvidence, evidence_from_frames
 from hypermap.mapping.floor_motions import FloorMotions
-from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, unpacked_frame
+from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, unpacked_frames
 from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.occupancy import OccupancyMapper
@@ -217,7 +217,7 @@ def _moved_frames(
     """Yield the frames of a log at other poses, with their evidence; some at a time are faster."""
     for begin in range(0, len(contents), _AT_ONCE):
         some = slice(begin, begin + _AT_ONCE)
-        frames = [unpacked_frame(content, "the log of frames") for content in contents[some]]
+        frames = unpacked_frames(contents[some], "the log of frames")
         frames = moved_frames(frames, list(poses[some]), config.occupancy.resolution)
         observations = [frame.observation for frame in frames]
         yield from zip(

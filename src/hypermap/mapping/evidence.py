@@ -19,22 +19,21 @@ from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.class_sizes import is_usual
 from hypermap.mapping.completion import FreeShare
-from hypermap.mapping.evidence_buffer import Evidence, FoundEvidence, evidence_from
+from hypermap.mapping.evidence_buffer import CONFIRMED, Evidence, FoundEvidence, evidence_from
 from hypermap.mapping.footprint_iou import at_same_height, footprint_ious
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.missed_detections import penalize_missed, prune
-from hypermap.mapping.moved import CONFIRMED, GONE, began, find_moves, moved_within_place
+from hypermap.mapping.moved import GONE, find_moves, moved_within_place
 from hypermap.mapping.protection import protected
 from hypermap.mapping.published import PublishedTracks
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
-from hypermap.mapping.tracks import Track, TrackTable
+from hypermap.mapping.tracks import Track, TrackTable, are_two
 from hypermap.perception.observation import Observation, ObservedObject
 
 _log = logging.getLogger(__name__)
 
 _SAME_PLACE = 0.5  # Jaccard index from which two published footprints are one object
-_CO_OCCURRENCE_SHARE = 0.2  # share of a track's frames that also show another: then they are two
 
 
 class EvidenceMap:
@@ -336,9 +335,8 @@ class EvidenceMap:
         one, other = self._tracks.objects[row], self._tracks.objects[match]
         if other.id in self._observed:
             return False
-        together = one.co_occurrences[other.id]
-        most = max(1, _CO_OCCURRENCE_SHARE * min(one.buffer.count, other.buffer.count))
-        return together <= most or (together < CONFIRMED and self._fill_one_place(row, match))
+        few = one.co_occurrences[other.id] < CONFIRMED
+        return not are_two(one, other) or (few and self._fill_one_place(row, match))
 
     def _fill_one_place(self, row: int, match: int) -> bool:
         """Return whether two tracks would be published in the same place."""
@@ -398,11 +396,9 @@ class EvidenceMap:
             self._forget_co_occurrences(track)
             track.co_occurrences.clear()
             self._transfer_co_occurrences(there, track)
-            first_seen = track.buffer.first_seen
-            track.buffer = there.buffer.copy()
-            track.buffer.first_seen = first_seen
+            track.buffer = there.buffer.since(track.buffer.first_seen)
             track.pending, track.moved = there.pending, move.confidence
-            track.moved_since = began(there.buffer)
+            track.moved_since = there.buffer.surely_there[0]
             track.gone_since = None
             shapes = self._tracks.shapes
             shapes.replace(row, shapes.polygons[other])

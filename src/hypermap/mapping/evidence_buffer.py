@@ -17,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.embeddings import Embedding
+from hypermap.core.history import EARLIEST
 from hypermap.core.pictures import ObjectPicture, best_pictures
 from hypermap.mapping.columns import Column
 from hypermap.mapping.prepared_polygon import PreparedPolygon
@@ -24,6 +25,12 @@ from hypermap.perception.observation import Observation, ObservedObject
 
 NEAR = 0.5
 """How far the voting grid of an object usually is beyond each of its footprints, at most [m]."""
+
+CONFIRMED = 4
+"""Observations that confirm a track."""
+
+STALE = 3600.0
+"""Seconds after which a place may have changed unnoticed: in another drive, or much later."""
 
 _STEPS = 4096  # per meter; points of visible areas are rounded to such steps
 
@@ -79,10 +86,15 @@ class Evidence:
         return near
 
     @cached_property
-    def distance(self) -> float:
-        """How far the footprint was from the camera, over the floor [m]."""
+    def seen(self) -> tuple[float, ...]:
+        """What decides on its weight and place: numbers, to make an array of those of many.
+
+        They are the score, the distance to the camera over the floor [m], and the footprint's area
+        [m²] and box: xmin, ymin, xmax, ymax [m].
+        """
         x, y = self.map_T_camera[:2, 3].tolist()
-        return math.hypot(self.centroid_xy[0] - x, self.centroid_xy[1] - y)
+        distance = math.hypot(self.centroid_xy[0] - x, self.centroid_xy[1] - y)
+        return self.score, distance, self.prepared.area, *self.prepared.box
 
 
 FoundEvidence: TypeAlias = list[tuple[ObservedObject, Evidence]]
@@ -177,7 +189,7 @@ class EvidenceBuffer:
     def __init__(self, limit: int) -> None:
         self._limit = limit
         self._heights: tuple[float, float] | None = None
-        self._surely_seen: float | None = None
+        self._surely_there: tuple[float, float] | None = None
         self.items: list[Evidence] = []
         self._centroids = Column(np.empty((0, 2)))
         self.count = 0
@@ -255,22 +267,41 @@ class EvidenceBuffer:
             self._heights = float(low), float(high)
         return self._heights
 
-    def surely_seen(self, gap: float, fewest: int) -> float:
-        """Return the newest stamp [s], before a long gap if only few pieces are from after it.
+    @property
+    def surely_there(self) -> tuple[float, float]:
+        """The stamps from which on and up to which there surely was an object [s].
 
-        Args:
-            gap: a longer time between two pieces is a gap [s]; always the same.
-            fewest: fewer pieces after a gap are few; always the same.
+        They are those of the first and the last observation, except for a single one in an earlier
+        drive, which was not published (it often is of something else, such as a false detection),
+        and for a few ones in a later drive: they may be of what has taken the object's place.
         """
-        if self._surely_seen is None:
-            stamps = [evidence.stamp for evidence in self.items[-fewest:]]
-            gaps = [i for i, (a, b) in enumerate(pairwise(stamps)) if b - a > gap]
-            self._surely_seen = stamps[gaps[-1]] if gaps else self.last_seen
-        return self._surely_seen
+        if self._surely_there is None:
+            self._surely_there = self._began(), self._left()
+        return self._surely_there
+
+    def _began(self) -> float:
+        items = self.items
+        if len(items) < 2 or self.count > len(items):
+            return self.first_seen
+        second = items[1].stamp
+        is_alone = second - items[0].stamp > STALE >= items[-1].stamp - second
+        return second if is_alone else self.first_seen
+
+    def _left(self) -> float:
+        stamps = [evidence.stamp for evidence in self.items[-CONFIRMED:]]
+        gaps = [i for i, (a, b) in enumerate(pairwise(stamps)) if b - a > STALE]
+        return stamps[gaps[-1]] if gaps else self.last_seen
+
+    def since(self, first_seen: float) -> EvidenceBuffer:
+        """Return a copy for an object that was first seen elsewhere, at this stamp [s]."""
+        other = self.copy()
+        other.first_seen, other._surely_there = first_seen, None
+        return other
 
     def _count(self, count: int, score: float, first: float, last: float) -> None:
-        self._heights = self._surely_seen = None
+        self._heights = self._surely_there = None
         self.count += count
         self.score_sum += score
-        self.first_seen = min(self.first_seen, first)
+        if first > EARLIEST or not EARLIEST < self.first_seen < np.inf:  # a clock that was not set
+            self.first_seen = min(self.first_seen, first)
         self.last_seen = max(self.last_seen, last)

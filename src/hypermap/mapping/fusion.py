@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.mapping.evidence_buffer import EvidenceBuffer
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.votes import agreed_points
+from hypermap.mapping.votes import agreed_corners
 
 
 def best_shape(buffer: EvidenceBuffer, config: EvidenceConfig) -> PreparedPolygon:  # noqa: ARG001
@@ -32,14 +32,14 @@ def convex_hull(buffer: EvidenceBuffer, config: EvidenceConfig) -> PreparedPolyg
 def votes(
     buffer: EvidenceBuffer, config: EvidenceConfig, shifts: NDArray[np.float64] | None = None
 ) -> PreparedPolygon:
-    """Return the convex hull of the points on which enough views agree; see `agreed_points`.
+    """Return the convex hull of the cells on which enough views agree; see `agreed_corners`.
 
     `shifts` moves the pieces of evidence first [m], shape (N, 2).
     """
-    points_xy = agreed_points(buffer, config, shifts)
-    if len(points_xy) == 0:  # smaller than a cell
+    corners_xy = agreed_corners(buffer, config, shifts)
+    if len(corners_xy) == 0:  # smaller than a cell
         return best_shape(buffer, config)
-    return _hull(points_xy)
+    return PreparedPolygon.of(cast("BaseGeometry", shapely.polygons(corners_xy)))
 
 
 Fusion: TypeAlias = Callable[[EvidenceBuffer, EvidenceConfig], PreparedPolygon]

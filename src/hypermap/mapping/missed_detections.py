@@ -8,8 +8,8 @@ from collections.abc import Set
 import numpy as np
 import shapely
 
+from hypermap.mapping.evidence_buffer import CONFIRMED, STALE
 from hypermap.mapping.footprint_iou import footprint_ious
-from hypermap.mapping.moved import CONFIRMED, STALE
 from hypermap.mapping.occlusion import sample_points, visible_shares
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import Track, TrackTable

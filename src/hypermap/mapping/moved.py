@@ -17,21 +17,16 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, as_objects
 from hypermap.history.likeness import FARTHEST, MAY_BE, SAME_SHAPE, likeness
-from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import Fusion
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable
 
-CONFIRMED = 4
-"""Observations that confirm a track."""
-
-STALE = 3600.0
-"""Seconds after which a place may have changed unnoticed: in another drive, or much later."""
-
 GONE = 0.0
 """Existence up to which a track is surely gone, not only uncertain."""
 
+_ALONE = 0.2  # least likeness where no other gone or new object of the class can be meant
 _BEFORE = 1.0  # [s] before an object was first seen; views from then on do not show an empty place
 _VIEWS = 2  # of the empty place
 _COVERED = 0.5  # share of the place that such a view must cover
@@ -63,8 +58,8 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
 
     Among several candidates, those gone since the latest drive come first, and of these the pairs
     with the smallest distances. A track also counts as gone if a new one appeared next to it in a
-    later drive, because rays that hit one do not show that the other is gone. Tracks edited by
-    hand are never among them.
+    later drive and is confirmed, because rays that hit one do not show that the other is gone.
+    Tracks edited by hand are never among them.
 
     Args:
         tracks: all tracks.
@@ -72,20 +67,23 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
         stamp: of the frame that was added last [s]; infinite for none since the last call. A drive
             that is mapped after later ones adds views from before these.
     """
-    buffers = [track.buffer for track in tracks.objects]
-    if not _may_have_moved(tracks):  # the usual case, which is fast
-        return []
-    is_own = np.array([track.by_hand is None for track in tracks.objects])
-    is_confirmed = is_own & np.array([buffer.count >= CONFIRMED for buffer in buffers])
-    first = np.array([began(buffer) for buffer in buffers], np.float64)
-    last = np.array([left(buffer) for buffer in buffers], np.float64)
-    is_there = is_own & (tracks.existence > config.publish_above)
+    objects = tracks.objects
+    times = np.array([track.buffer.surely_there for track in objects], np.float64).reshape(-1, 2)
+    first, last = times.T
+    edited = [row for row, track in enumerate(objects) if track.by_hand is not None]
+    is_there = tracks.existence > config.publish_above
+    is_there[edited] = False
     newest = first[is_there].max(initial=-np.inf)
     is_gone = (tracks.existence <= GONE) & (last < newest)
     is_gone |= last < newest - STALE  # or may be, because it was not looked at yet
-    gone = np.flatnonzero(is_confirmed & is_gone).tolist()
-    there = np.flatnonzero(is_there & (first > last[gone].min(initial=np.inf))).tolist()
-    if not (gone and there):
+    is_gone[edited] = False
+    gone = [row for row in is_gone.nonzero()[0].tolist() if objects[row].buffer.count >= CONFIRMED]
+    if not gone:  # the usual case, which is fast
+        return []
+    names = {objects[row].name for row in gone}
+    rows = (is_there & (first > last[gone].min())).nonzero()[0].tolist()
+    there = [row for row in rows if objects[row].name in names]
+    if not there:
         return []
     is_near, ways = _within_reach(tracks, gone, there)
     may_be = _possible(tracks, gone, there, is_near, stamp)
@@ -95,6 +93,7 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
     from scipy.optimize import linear_sum_assignment
 
     alike = _compared(tracks, gone, there, is_near)
+    alike[alike < np.where(_without_rivals(may_be), _ALONE, MAY_BE)] = 0
     since = [tracks.objects[row].gone_since for row in gone]
     _leave_out_older(alike, np.array([last.max() if one is None else one for one in since]))
     alike[~may_be] = 0
@@ -108,35 +107,15 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
     return found
 
 
-def _may_have_moved(tracks: TrackTable) -> bool:
-    """Return whether any confirmed track may be gone, by what is quickly known of all tracks."""
-    last = np.array([left(track.buffer) for track in tracks.objects], np.float64)
-    may_be_gone = (tracks.existence <= GONE) | (last < last.max(initial=-np.inf) - STALE)
-    rows = np.flatnonzero(may_be_gone).tolist()
-    return any(tracks.objects[row].buffer.count >= CONFIRMED for row in rows)
+def _without_rivals(may_be: BoolArray) -> BoolArray:
+    """Return which pairs are the only ones of both their tracks, shape (N, M)."""
+    counts = may_be.sum(axis=1, keepdims=True), may_be.sum(axis=0)
+    return np.asarray(may_be & (counts[0] == 1) & (counts[1] == 1))
 
 
-def began(buffer: EvidenceBuffer) -> float:
-    """Return the stamp from which on there is an object [s].
-
-    That is when it was first seen, but for a single observation of an earlier drive, which was not
-    published: it often is of something else, such as a false detection.
-    """
-    items = buffer.items
-    if len(items) < 2 or buffer.count > len(items):
-        return buffer.first_seen
-    second = items[1].stamp
-    is_alone = second - items[0].stamp > STALE >= items[-1].stamp - second
-    return second if is_alone else buffer.first_seen
-
-
-def left(buffer: EvidenceBuffer) -> float:
-    """Return the stamp up to which there surely was an object [s].
-
-    That is when it was last seen, but for a few observations of a later drive: they may be of what
-    has taken its place.
-    """
-    return buffer.surely_seen(STALE, CONFIRMED)
+def _began(tracks: TrackTable, row: int) -> float:
+    """Return the stamp from which on there surely was the object of a track [s]."""
+    return tracks.objects[row].buffer.surely_there[0]
 
 
 def _leave_out_older(alike: NDArray[np.float64], gone_since: NDArray[np.float64]) -> None:
@@ -165,7 +144,7 @@ def _within_reach(
     ways = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
     names = [np.array([tracks.objects[row].name for row in rows]) for rows in (gone, there)]
     last = np.array([tracks.objects[row].buffer.last_seen for row in gone])
-    first = np.array([began(tracks.objects[row].buffer) for row in there])
+    first = np.array([_began(tracks, row) for row in there])
     is_same_class = names[0][:, None] == names[1][None, :]
     return is_same_class & (first[None, :] > last[:, None]) & (ways <= FARTHEST), ways
 
@@ -188,9 +167,11 @@ def _possible(
         for i in np.flatnonzero(is_near[:, j]).tolist():
             if not _may_be_as_high(tracks, gone[i], row):
                 continue
-            if _takes_place_of(tracks, row, gone[i]):
+            is_gone = tracks.existence[gone[i]] <= GONE
+            is_confirmed = tracks.objects[row].buffer.count >= CONFIRMED
+            if (is_gone or is_confirmed) and _takes_place_of(tracks, row, gone[i]):
                 possible[i, j] = True
-            elif tracks.existence[gone[i]] <= GONE and not _is_known(tracks, row, stamp):
+            elif is_gone and not _is_known(tracks, row, stamp):
                 views = _views(tracks) if views is None else views
                 was_empty = _was_without(tracks, row, views) if was_empty is None else was_empty
                 possible[i, j] = was_empty
@@ -217,8 +198,8 @@ def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
     """
     buffer, before = (tracks.objects[one].buffer for one in (row, other))
     shape, was = (tracks.shapes.polygons[one].geometry for one in (row, other))
-    end = left(before)
-    if not (began(buffer) > end + STALE and shapely.dwithin(shape, was, _BESIDE)):
+    end = before.surely_there[1]
+    if not (buffer.surely_there[0] > end + STALE and shapely.dwithin(shape, was, _BESIDE)):
         return False
     strays = sum(item.stamp > end for item in before.items[-CONFIRMED:])
     return not strays or _views_of(was, buffer.items) >= _VIEWS + strays
@@ -295,12 +276,12 @@ def _views_of(area: BaseGeometry, items: Sequence[Evidence]) -> int:
 def _compared(
     tracks: TrackTable, gone: Sequence[int], there: Sequence[int], is_near: BoolArray
 ) -> NDArray[np.float64]:
-    """Return the likeness of each pair `is_near`, 0 for pairs that cannot be one object, (N, M)."""
+    """Return the likeness of each pair `is_near`, and 0 for others, shape (N, M)."""
     shapes = tracks.shapes
     alike = np.zeros(is_near.shape)
     for i, j in np.argwhere(is_near).tolist():
-        value = likeness(shapes.polygons[gone[i]].geometry, shapes.polygons[there[j]].geometry)
-        alike[i, j] = value if value >= MAY_BE else 0.0
+        one, other = shapes.polygons[gone[i]], shapes.polygons[there[j]]
+        alike[i, j] = likeness(one.geometry, other.geometry)
     return alike
 
 
@@ -312,9 +293,7 @@ def _views(tracks: TrackTable) -> list[Evidence]:
 
 def _known_without_views(tracks: TrackTable, row: int) -> list[bool]:
     """Return a list that is not empty once `_was_without` is known to be false."""
-    known: list[bool] = tracks.shapes.polygons[row].cached(
-        _nothing_known, began(tracks.objects[row].buffer)
-    )
+    known: list[bool] = tracks.shapes.polygons[row].cached(_nothing_known, _began(tracks, row))
     return known
 
 
@@ -324,7 +303,7 @@ def _is_known(tracks: TrackTable, row: int, stamp: float) -> bool:
     It remains so while the shape is the same, as frames from after the track's beginning add no
     views from before it.
     """
-    is_later = stamp >= began(tracks.objects[row].buffer)
+    is_later = stamp >= _began(tracks, row)
     return is_later and bool(_known_without_views(tracks, row))
 
 
@@ -334,7 +313,7 @@ def _nothing_known(_shape: PreparedPolygon, _begin: float) -> list[bool]:
 
 def _was_without(tracks: TrackTable, row: int, views: Sequence[Evidence]) -> bool:
     """Return whether the robot saw the place of a track before the track was seen there."""
-    begin = began(tracks.objects[row].buffer) - _BEFORE
+    begin = _began(tracks, row) - _BEFORE
     areas = as_objects(view.visible_area for view in views if view.stamp < begin)
     shape = tracks.shapes.polygons[row].geometry
     if tracks.shapes.heights[row][0] > _ON_FLOOR:

@@ -17,11 +17,12 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.history.differences import MOVE
 from hypermap.mapping.class_posterior import one_class_per_place
 from hypermap.mapping.completion import FreeShare, completed
+from hypermap.mapping.doubles import without_doubles
 from hypermap.mapping.evidence_table import lazy_evidence_table
 from hypermap.mapping.fusion import FUSIONS, votes
 from hypermap.mapping.landmarks import landmark_moves
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.tracks import TrackTable
+from hypermap.mapping.tracks import TrackTable, are_two
 
 _SURE = 4.0  # existence at which an object is there with a probability of 1 - 1/e; measured
 
@@ -61,11 +62,23 @@ class PublishedTracks:
         if self.config.landmarks and self.config.fusion == "votes":
             shifts = landmark_moves([track.buffer for track in tracks])
             found = [self._published(row, shifts[row]) for row in rows]
+            if any(shift.any() for shift in shifts):
+                found = self._without_doubles(found)
         else:
             found = [self._published(row) for row in rows]
         if self.config.slip >= 1:
             return found
         return one_class_per_place(found, self.config.slip, self.tracks.hand_edits())
+
+    def _without_doubles(self, found: list[SemanticObject]) -> list[SemanticObject]:
+        """Return the objects without second ones in the same places; see `without_doubles`."""
+        edited, tracks = self.tracks.hand_edits(), self.tracks
+
+        def may_be_one(one: int, other: int) -> bool:
+            first, second = (tracks.objects[row] for row in tracks.rows_of((one, other)))
+            return not are_two(first, second, fewest=0)
+
+        return without_doubles(found, may_be_one, self.config.min_overlap, edited)
 
     def summary(self) -> list[tuple[int, int, float]]:
         """Return the id, the number of pieces of evidence and the existence of each object."""

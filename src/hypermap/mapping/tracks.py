@@ -18,6 +18,8 @@ from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.track_shapes import Rows, TrackShapes
 
+_CO_OCCURRENCE_SHARE = 0.2  # share of a track's frames that also show another: then they are two
+
 
 @dataclasses.dataclass(eq=False)
 class Track:
@@ -69,6 +71,18 @@ class Track:
     def become(self, other: Track) -> None:
         """Take over the state of another track."""
         vars(self).update(vars(other))
+
+
+def are_two(one: Track, other: Track, fewest: int = 1) -> bool:
+    """Return whether so many frames show both tracks that they are two objects.
+
+    Args:
+        one: a track.
+        other: another one.
+        fewest: so many frames do not count, whatever their share.
+    """
+    most = _CO_OCCURRENCE_SHARE * min(one.buffer.count, other.buffer.count)
+    return one.co_occurrences[other.id] > max(fewest, most)
 
 
 class TrackTable:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap._loops import loop
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.mapping.evidence_buffer import NEAR, Evidence, EvidenceBuffer
 from hypermap.mapping.stages import EvidenceConfig
@@ -18,10 +19,10 @@ _MAX_CELLS_PER_SIDE = 128
 _WHOLE = 0.6  # of the upper quartile of the areas; larger footprints show the whole object
 
 
-def agreed_points(
+def agreed_corners(
     buffer: EvidenceBuffer, config: EvidenceConfig, shifts: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Return the corners of the cells on which enough views agree; their convex hull is the shape.
+    """Return the shape on which enough views agree: the convex hull of cells, as its corners.
 
     The floor below the footprints is divided into cells. Each view votes, weighted by its
     detection's score, for the cells of its footprint, and abstains on cells outside its visible
@@ -37,34 +38,35 @@ def agreed_points(
         shifts: translations applied to the footprints first [m], shape (N, 2); None for none.
 
     Returns:
-        Points in the map frame [m], shape (M, 2); M is 0 if no cell belongs to the object.
+        The corners of the convex hull of these cells in the map frame [m], clockwise from the left
+        one of the lowest, shape (M, 2); M is 0 if no cell belongs to the object.
     """
     items = buffer.items
-    scores = np.array([evidence.score for evidence in items], dtype=np.float64)
-    if not scores.any():
-        scores = np.ones(len(items))
+    seen = np.array([evidence.seen for evidence in items])
+    weights = seen[:, 0] if seen[:, 0].any() else np.ones(len(items))
     if config.half_weight < np.inf:
-        distances = np.array([evidence.distance for evidence in items])
-        scores /= 1 + (distances / config.half_weight) ** 2
-    footprints = [evidence.prepared for evidence in items]
+        weights = weights / (1 + (seen[:, 1] / config.half_weight) ** 2)
     moves = np.zeros((len(items), 2)) if shifts is None else shifts
     if config.align > 0:
-        areas = np.array([polygon.area for polygon in footprints])
-        moves = moves + aligning_moves(areas, buffer.centroids + moves, scores, config.align)
-
-    boxes = np.array([polygon.box for polygon in footprints])
-    low, high = np.fmin.reduce(boxes[:, :2] + moves), np.fmax.reduce(boxes[:, 2:] + moves)
+        moves = moves + aligning_moves(seen[:, 2], buffer.centroids + moves, weights, config.align)
+    low, high = np.fmin.reduce(seen[:, 3:5] + moves), np.fmax.reduce(seen[:, 5:] + moves)
     grid = _voting_grid((*low.tolist(), *high.tolist()), config.vote_resolution)
-    to_cells = grid.to_cells_matrix()
-    in_favor, cast = np.zeros((2, grid.height, grid.width + 1))
-    _add_steps(*_joined([shape.edges for shape in footprints]), scores, moves, to_cells, in_favor)
-    edges, first = _joined(_edges_of_areas(items, boxes, grid))
-    _add_steps(edges, first, scores, np.zeros(moves.shape), to_cells, cast)
     is_unbounded = [len(evidence.prepared_area.edges) == 0 for evidence in items]
-    unbounded_votes = scores[is_unbounded].sum() if any(is_unbounded) else 0.0
-    found = np.empty((3, grid.height), np.int64)
-    count = _choose(in_favor, cast, unbounded_votes, config.vote_share, *found)
-    return grid.corners(*found[:, :count])
+    unbounded_votes = float(weights[is_unbounded].sum()) if any(is_unbounded) else 0.0
+    steps = np.zeros((2, grid.height, grid.width + 1))
+    corners = np.empty((4 * grid.height, 2), np.int64)
+    count = _hull_of_votes(
+        *_joined([evidence.prepared.edges for evidence in items]),
+        *_joined(_edges_of_areas(items, seen, grid)),
+        np.ascontiguousarray(weights),
+        moves,
+        grid.place,
+        steps,
+        (unbounded_votes, config.vote_share),
+        np.empty(grid.height, np.int64),
+        corners,
+    )
+    return grid.points(corners[:count])
 
 
 def aligning_moves(
@@ -146,55 +148,42 @@ def _joined(
     edges: Sequence[NDArray[np.float64]],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the edges of N polygons, shape (E, 5), and the offsets of each, shape (N + 1,)."""
-    first = np.zeros(len(edges) + 1, dtype=np.int64)
-    np.cumsum([len(each) for each in edges], out=first[1:])
+    first = np.array([0, *accumulate(map(len, edges))], np.int64)
     return np.concatenate(edges), first
 
 
 def _edges_of_areas(
-    items: Sequence[Evidence], boxes: NDArray[np.float64], grid: _VotingGrid
+    items: Sequence[Evidence], seen: NDArray[np.float64], grid: _VotingGrid
 ) -> list[NDArray[np.float64]]:
     """Return those edges of the visible areas of some evidence that matter for the votes.
 
     Args:
         items: the evidence.
-        boxes: of their footprints [m], shape (N, 4).
+        seen: `Evidence.seen` of each, shape (N, 7).
         grid: on which they vote.
     """
-    right = grid.left + grid.width * grid.resolution
-    top = grid.bottom + grid.height * grid.resolution
-    is_near = (boxes[:, 1] - NEAR <= grid.bottom) & (boxes[:, 3] + NEAR >= top)
-    is_near &= boxes[:, 2] + NEAR >= right
+    left, bottom, resolution = grid.place
+    right, top = left + grid.width * resolution, bottom + grid.height * resolution
     return [
-        evidence.near_edges if near else evidence.prepared_area.edges
-        for evidence, near in zip(items, is_near.tolist(), strict=True)
+        evidence.near_edges
+        if ymin - NEAR <= bottom and ymax + NEAR >= top and xmax + NEAR >= right
+        else evidence.prepared_area.edges
+        for evidence, (ymin, xmax, ymax) in zip(items, seen[:, 4:].tolist(), strict=True)
     ]
 
 
 class _VotingGrid(NamedTuple):
-    """Cells of the floor, whose lengths are in meters."""
+    """Cells of the floor: their number, and x and y of the first corner and the side [m]."""
 
-    left: float
-    bottom: float
     width: int
     height: int
-    resolution: float
+    place: tuple[float, float, float]
 
-    def to_cells_matrix(self) -> NDArray[np.float64]:
-        """Return the same as that of `GridGeometry`, shape (3, 3)."""
-        scale = 1 / self.resolution
-        return np.array(
-            [[scale, 0, -self.left * scale], [0, scale, -self.bottom * scale], [0, 0, 1.0]]
-        )
-
-    def corners(self, rows: IntArray, left: IntArray, right: IntArray) -> NDArray[np.float64]:
-        """Return the corners of the first and the last cells of N rows [m], shape (4 N, 2)."""
-        points = np.empty((2, 2, len(rows), 2))
-        for side, cols in enumerate((left, right + 1)):
-            points[side, :, :, 0] = cols * self.resolution + self.left
-        for end in (0, 1):
-            points[:, end, :, 1] = (rows + end) * self.resolution + self.bottom
-        return points.reshape(-1, 2)
+    def points(self, corners: IntArray) -> NDArray[np.float64]:
+        """Return where corners of cells, (col, row), are [m], shape (N, 2)."""
+        left, bottom, resolution = self.place
+        points: NDArray[np.float64] = corners * resolution + np.array([left, bottom])
+        return points
 
 
 def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> _VotingGrid:
@@ -203,12 +192,78 @@ def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> _
     resolution = max(resolution, max(xmax - xmin, ymax - ymin) / _MAX_CELLS_PER_SIDE)
     left, bottom = math.floor(xmin / resolution), math.floor(ymin / resolution)
     return _VotingGrid(
-        left=left * resolution,
-        bottom=bottom * resolution,
         width=math.floor(xmax / resolution) - left + 1,
         height=math.floor(ymax / resolution) - bottom + 1,
-        resolution=resolution,
+        place=(left * resolution, bottom * resolution, resolution),
     )
+
+
+@loop()
+def _hull_of_votes(
+    edges: NDArray[np.float64],
+    first: IntArray,
+    area_edges: NDArray[np.float64],
+    area_first: IntArray,
+    weights: NDArray[np.float64],
+    moves: NDArray[np.float64],
+    place: tuple[float, float, float],
+    steps: NDArray[np.float64],
+    votes: tuple[float, float],
+    ends: IntArray,
+    corners: IntArray,
+) -> int:
+    """Find the convex hull of the accepted cells, and return how many corners it has.
+
+    Args:
+        edges: of all footprints, as `PreparedPolygon.edges`.
+        first: offsets of the edges of each, shape (N + 1,).
+        area_edges: of all visible areas.
+        area_first: likewise.
+        weights: of the views, shape (N,).
+        moves: translations of the footprints [m], shape (N, 2).
+        place: of the grid, as in `_VotingGrid`.
+        steps: zeros, shape (2, height, width + 1); filled with the changes of the votes for each
+            cell, and of all votes on it.
+        votes: those cast on all cells, and the share of all votes that a cell needs.
+        ends: filled with the last accepted cell of each row, -1 for none, shape (height,).
+        corners: filled with them, (col, row), clockwise from the left
+            one of the lowest, shape (4 height, 2).
+    """
+    _add_steps(edges, first, weights, moves, 1.0, place, steps[0])
+    _add_steps(area_edges, area_first, weights, moves, 0.0, place, steps[1])
+    count, height = 0, steps.shape[1]
+    for row in range(height):  # up the left side
+        left, ends[row] = _accepted(steps, row, votes)
+        if left >= 0:
+            count = _with_corner(corners, count, 0, left, row)
+            count = _with_corner(corners, count, 0, left, row + 1)
+    begin = count
+    for row in range(height - 1, -1, -1):  # down the right side
+        if ends[row] >= 0:
+            count = _with_corner(corners, count, begin, ends[row] + 1, row + 1)
+            count = _with_corner(corners, count, begin, ends[row] + 1, row)
+    return count
+
+
+@inner_loop()
+def _with_corner(corners: IntArray, count: int, begin: int, col: int, row: int) -> int:
+    """Add a corner to a chain that only turns right, and return the number of corners.
+
+    Args:
+        corners: filled.
+        count: how many there are.
+        begin: where the chain begins among them.
+        col: of the new corner.
+        row: likewise.
+    """
+    while count - begin >= 2:
+        x, y = corners[count - 2, 0], corners[count - 2, 1]
+        along_x, along_y = corners[count - 1, 0] - x, corners[count - 1, 1] - y
+        if along_x * (row - y) - along_y * (col - x) < 0:
+            break
+        count -= 1
+    corners[count, 0], corners[count, 1] = col, row
+    return count + 1
 
 
 @loop()
@@ -217,7 +272,8 @@ def _add_steps(
     first: IntArray,
     weights: NDArray[np.float64],
     moves: NDArray[np.float64],
-    to_cells: NDArray[np.float64],
+    moved: float,
+    place: tuple[float, float, float],
     steps: NDArray[np.float64],
 ) -> None:
     """Rasterize weighted polygons: add the change of the votes from each cell to the next.
@@ -230,20 +286,21 @@ def _add_steps(
         first: offsets of the edges of each of N polygons, shape (N + 1,).
         weights: of the polygons, shape (N,).
         moves: translations applied to the polygons first [m], shape (N, 2).
-        to_cells: `GridGeometry.to_cells_matrix` of a grid that is not rotated.
+        moved: share of these that is applied.
+        place: of the grid, as in `_VotingGrid`.
         steps: zeros, shape (height, width + 1); filled in.
     """
     height, width = steps.shape[0], steps.shape[1] - 1
-    x_scale, y_scale = to_cells[0, 0], to_cells[1, 1]
-    x_begin, y_begin = to_cells[0, 2], to_cells[1, 2]
+    scale = 1 / place[2]
+    x_begin, y_begin = -place[0] * scale, -place[1] * scale
     for polygon in range(len(weights)):
-        x_move, y_move = moves[polygon, 0], moves[polygon, 1]
+        x_move, y_move = moved * moves[polygon, 0], moved * moves[polygon, 1]
         for e in range(first[polygon], first[polygon + 1]):
             # In cells, whose centers are at integers.
-            x0 = (edges[e, 0] + x_move) * x_scale + x_begin - 0.5
-            y0 = (edges[e, 1] + y_move) * y_scale + y_begin - 0.5
-            x1 = (edges[e, 2] + x_move) * x_scale + x_begin - 0.5
-            y1 = (edges[e, 3] + y_move) * y_scale + y_begin - 0.5
+            x0 = (edges[e, 0] + x_move) * scale + x_begin - 0.5
+            y0 = (edges[e, 1] + y_move) * scale + y_begin - 0.5
+            x1 = (edges[e, 2] + x_move) * scale + x_begin - 0.5
+            y1 = (edges[e, 3] + y_move) * scale + y_begin - 0.5
             weight = weights[polygon] * edges[e, 4]
             begins = y1 < y0  # going down, the inside is to the right
             first_row = max(int(np.ceil(min(y0, y1))), 0)
@@ -254,40 +311,23 @@ def _add_steps(
                 steps[row, col] += weight if begins else -weight
 
 
-@loop()
-def _choose(
-    in_favor: NDArray[np.float64],
-    cast: NDArray[np.float64],
-    unbounded_votes: float,
-    share: float,
-    rows: IntArray,
-    left: IntArray,
-    right: IntArray,
-) -> int:
-    """Find the rows with accepted cells, and return how many there are.
+@inner_loop()
+def _accepted(steps: NDArray[np.float64], row: int, votes: tuple[float, float]) -> tuple[int, int]:
+    """Return the first and the last accepted cell of a row; -1 for none.
 
     Args:
-        in_favor: steps of the votes for each cell, shape (height, width + 1).
-        cast: steps of all votes on each cell, for and against, of the same shape.
-        unbounded_votes: votes cast on all cells.
-        share: share of the votes cast that a cell needs.
-        rows: filled with those rows, shape (height,).
-        left: filled with the first accepted cell of each, shape (height,).
-        right: filled with the last accepted cell of each, shape (height,).
+        steps: as in `_hull_of_votes`.
+        row: the row.
+        votes: likewise.
     """
-    height, width = in_favor.shape[0], in_favor.shape[1] - 1
-    count = 0
-    for row in range(height):
-        votes_for = votes_cast = 0.0
-        is_first = True
-        for col in range(width):
-            votes_for += in_favor[row, col]
-            votes_cast += cast[row, col]
-            # A view has seen its own footprint, even if its visible area is a little smaller.
-            needed = share * max(votes_cast + unbounded_votes, votes_for)
-            if votes_for > 1e-9 and votes_for >= needed - 1e-9:
-                if is_first:
-                    rows[count], left[count] = row, col
-                    count, is_first = count + 1, False
-                right[count - 1] = col
-    return count
+    votes_for = votes_cast = 0.0
+    left = right = -1
+    for col in range(steps.shape[2] - 1):
+        votes_for += steps[0, row, col]
+        votes_cast += steps[1, row, col]
+        # A view has seen its own footprint, even if its visible area is a little smaller.
+        needed = votes[1] * max(votes_cast + votes[0], votes_for)
+        if votes_for > 1e-9 and votes_for >= needed - 1e-9:
+            left = col if left < 0 else left
+            right = col
+    return left, right

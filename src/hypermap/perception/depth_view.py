@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 import shapely
@@ -133,9 +134,9 @@ def _ground(
             pieces.append(np.vstack([ends[columns], begins[columns][::-1]]))
     if not pieces:
         return shapely.Polygon()
-    polygons = [shapely.Polygon(piece) for piece in pieces]
-    ground: BaseGeometry = polygons[0] if len(polygons) == 1 else shapely.multipolygons(polygons)
-    return ground
+    # Faster than the class.
+    polygons = [cast("shapely.Polygon", shapely.polygons(piece)) for piece in pieces]
+    return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
 
 
 def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
