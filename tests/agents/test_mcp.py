@@ -87,7 +87,7 @@ def test_connections_that_ask_for_nothing_keep_no_agent_out(office: Path) -> Non
         ]
         idle[0].settimeout(LIMIT)
         assert idle[0].recv(1) == b""
-        assert httpx2.get(url).status_code == 401
+        assert httpx2.get(url, timeout=LIMIT).status_code == 401
 
 
 def test_tools_answer_over_standard_input_and_output(office: Path) -> None:
@@ -209,7 +209,7 @@ def test_over_http_only_those_who_know_the_token_are_answered(office: Path) -> N
         headers = {"Authorization": f"Bearer {TOKEN}"}
         with anyio.fail_after(LIMIT):
             async with (
-                httpx2.AsyncClient(headers=headers) as http,
+                httpx2.AsyncClient(headers=headers, timeout=LIMIT) as http,
                 Client(streamable_http_client(url, http_client=http)) as client,
             ):
                 found = await asked(client, "nearest", name="cup", start=[5, 3])
@@ -220,15 +220,19 @@ def test_over_http_only_those_who_know_the_token_are_answered(office: Path) -> N
         request = {"jsonrpc": "2.0", "id": 1, "method": "tools/list"}
         accept = {"Accept": "application/json, text/event-stream"}
         for wrong in ({}, {"Authorization": "Bearer guessed"}, {"Authorization": f"Basic {TOKEN}"}):
-            answer = httpx2.post(url, json=request, headers=accept | wrong)
+            answer = httpx2.post(url, json=request, headers=accept | wrong, timeout=LIMIT)
             assert answer.status_code == 401
             assert "Authorization: Bearer" in answer.json()["error"]
         known = accept | {"Authorization": f"Bearer {TOKEN}"}
-        elsewhere = httpx2.post(url, json=request, headers=known | {"Host": "evil.example"})
+        elsewhere = httpx2.post(
+            url, json=request, headers=known | {"Host": "evil.example"}, timeout=LIMIT
+        )
         assert elsewhere.status_code == 421
-        foreign = httpx2.post(url, json=request, headers=known | {"Origin": "http://evil.example"})
+        foreign = httpx2.post(
+            url, json=request, headers=known | {"Origin": "http://evil.example"}, timeout=LIMIT
+        )
         assert foreign.status_code == 403
-        large = httpx2.post(url, content=b"[" * 3_000_000, headers=known)
+        large = httpx2.post(url, content=b"[" * 3_000_000, headers=known, timeout=LIMIT)
         assert large.status_code == 413
 
 
@@ -240,7 +244,7 @@ def test_the_server_ends_in_silence_whoever_broke_off(office: Path, number: sign
             kind = "Accept: application/json, text/event-stream\r\nContent-Type: application/json"
             head = f"POST /mcp HTTP/1.1\r\n{host}{kind}\r\nContent-Length: 99\r\n\r\n"
             broken_off.sendall(f"{head}{{".encode())
-        assert httpx2.get(url).status_code == 401
+        assert httpx2.get(url, timeout=LIMIT).status_code == 401
         process.send_signal(number)
         _, said = process.communicate(timeout=LIMIT)
         assert (said, process.wait()) == ("", 0)

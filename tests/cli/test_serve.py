@@ -160,7 +160,7 @@ def test_agents_see_the_map_that_is_served_now(serve, room_map, tmp_path):
 
         headers = {"Authorization": f"Bearer {token}"}
         async with (
-            httpx2.AsyncClient(headers=headers) as http,
+            httpx2.AsyncClient(headers=headers, timeout=240) as http,
             mcp.Client(streamable_http_client(url, http_client=http)) as client,
         ):
             found = await client.call_tool("find_objects", {"names": ["chair"]})
@@ -311,7 +311,7 @@ def test_no_roscore_is_one_line(room_map):
         uri = f"http://127.0.0.1:{closed.getsockname()[1]}"
         environment = {**os.environ, "ROS_MASTER_URI": uri}
         ended = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=120
+            command, env=environment, capture_output=True, text=True, timeout=240
         )
     assert_one_error(Result(ended.returncode, ended.stdout, ended.stderr), uri)
 

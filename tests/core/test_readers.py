@@ -16,7 +16,7 @@ def test_threads_may_ask_while_what_callers_have_is_prepared() -> None:
     """In a process of its own, since what is wrong ends it."""
     readers = Path(__file__).with_name("readers.py")
     command = [sys.executable, str(readers), "3"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=480, check=False)
     assert done.returncode == 0, (done.stdout, done.stderr)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hypermap.core.errors import FormatError
-from hypermap.fleet.workers import TRIES, Processes, WorkerDied
+from hypermap.fleet.workers import TRIES, Processes, WorkerDied, _Worker
 
 pytestmark = pytest.mark.xdist_group("workers")
 
@@ -98,3 +99,22 @@ def test_closing_ends_what_is_being_done(tmp_path: Path) -> None:
     assert isinstance(future.exception(), WorkerDied)
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+@pytest.mark.timeout(120)
+def test_closing_ends_a_worker_that_is_just_restarted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_restarted, begin = threading.Event(), _Worker.begin
+
+    def begin_slowly(worker: _Worker) -> None:
+        is_restarted.set()
+        time.sleep(0.1)  # closing begins meanwhile
+        begin(worker)
+
+    once = DYING.format(tally=str(tmp_path / "tally"), times=1)
+    with Processes(1) as workers:
+        monkeypatch.setattr(_Worker, "begin", begin_slowly)
+        future = workers.submit(exec, once + WAITING.format(begun=str(tmp_path / "begun")))
+        is_restarted.wait()
+    assert isinstance(future.exception(), WorkerDied)

@@ -125,7 +125,7 @@ def test_after_a_lost_connection_the_same_update_is_sent_again(
     for _ in range(2):
         (number,) = database.rows("SELECT pg_backend_pid()")[0]
         with psycopg.connect(database.address.database, autocommit=True) as other:
-            other.execute("SELECT pg_terminate_backend(%s, 5000)", (number,))
+            other.execute("SELECT pg_terminate_backend(%s, 240000)", (number,))
         with pytest.raises(StoreAway):
             apply(database, update)
         apply(database, update)  # by a new connection

@@ -215,7 +215,10 @@ def test_a_save_whose_temporary_files_are_taken_away_is_none(
     assert names(tmp_path) == files
 
 
-def test_a_save_waits_for_another_and_sweeps_nothing_of_it(tmp_path: Path) -> None:
+def test_a_save_waits_for_another_and_sweeps_nothing_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(locks, "_PATIENCE", 240.0)
     (tmp_path / "a").write_bytes(b"old")
     with turn_to_save([tmp_path]) as turn:
         assert turn == "alone"
@@ -304,6 +307,7 @@ def test_pipes_with_the_names_of_our_files_are_not_waited_for(tmp_path: Path) ->
 def test_who_waits_for_a_turn_to_edit_misses_nothing_that_was_saved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(locks, "_PATIENCE", 240.0)
     monkeypatch.setattr(locks, "_PAUSE", 0.001)
     path = tmp_path / "map.hmap"
     path.write_bytes(b"0")

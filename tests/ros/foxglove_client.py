@@ -30,6 +30,7 @@ class Client:
     def __init__(self, url: str) -> None:
         self.texts: list[dict[str, Any]] = []
         self.messages: list[tuple[int, bytes]] = []  # id of the subscription, CDR
+        self.stamps: list[int] = []  # of the messages, ns
         self.answers: dict[int, bytes] = {}  # by id of the call
         self._ids = itertools.count(1)
         self._topics: dict[int, str] = {}
@@ -180,7 +181,9 @@ class Client:
             self.texts.append(json.loads(data))
             self._subscribe_again(self.texts[-1])
         elif data[0] == 1:  # message: subscription, time [ns]
-            self.messages.append((struct.unpack_from("<I", data, 1)[0], data[13:]))
+            number, stamp = struct.unpack_from("<IQ", data, 1)
+            self.messages.append((number, data[13:]))
+            self.stamps.append(stamp)
         elif data[0] == 3:  # answer: service, call, length of the encoding's name
             _, number, length = struct.unpack_from("<III", data, 1)
             self.answers[number] = data[13 + length :]

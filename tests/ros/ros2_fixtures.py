@@ -39,6 +39,7 @@ def make_port(graph: Graph) -> Iterator[Callable[..., Any]]:
     made: list[Any] = []
 
     def make(name: str = "hypermap_server", *arguments: str) -> Any:
+        importlib.import_module("hypermap.ros.ros2.ending").LIMIT = 240.0  # s; nothing is stuck
         ros2 = importlib.import_module("hypermap.ros.ros2.port")
         made.append(ros2.Ros2Port(name, [name, *arguments]))
         return made[-1]

@@ -77,7 +77,7 @@ def test_only_layers_that_others_have_changed_are_shown_again(
     others: Others, seen: Seen, current: CurrentMap
 ) -> None:
     others.hypermap = others.hypermap.with_layer(things("cup", "lamp"))
-    wait_for(lambda: seen.changes[1:], "the change", 10)
+    wait_for(lambda: seen.changes[1:], "the change")
     assert seen.changes == [None, ["things"]]
     assert current.hypermap["things"] is others.hypermap["things"]
 
@@ -91,7 +91,7 @@ def test_a_map_of_other_layers_or_frames_is_shown_as_a_whole(
         others.hypermap = others.hypermap.with_layers(layers[1:])
     else:
         others.hypermap = Hypermap(layers, FrameTree([LAB]))
-    wait_for(lambda: seen.changes[1:], "the change", 10)
+    wait_for(lambda: seen.changes[1:], "the change")
     assert seen.changes == [None, None]
     assert list(current.hypermap) == list(others.hypermap)
 
@@ -104,6 +104,5 @@ def test_a_map_that_a_client_has_loaded_stays(others: Others, current: CurrentMa
     wait_for(
         lambda: "following" not in {thread.name for thread in threading.enumerate()},
         "the end of following",
-        10,
     )
     assert current.hypermap is loaded

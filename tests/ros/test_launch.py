@@ -117,7 +117,7 @@ def test_semantic_mapping_serves_the_growing_map_and_saves_it(
         location=client.point(*free_place(), "map"),
     )
     assert free.name == "Free"
-    wait_for(lambda: bag.popen.poll() is not None, "the end of the bag", 60)
+    wait_for(lambda: bag.popen.poll() is not None, "the end of the bag", 240)
     assert nodes.stop() == 0
     assert_mapped(path)
 
@@ -126,7 +126,7 @@ def test_semantic_mapping_serves_the_growing_map_and_saves_it(
 def test_map_bag_ends_with_the_bag_and_saves_the_map(launch, drive, tmp_path) -> None:
     path = tmp_path / "mapped.hmap"
     nodes = launch("map_bag.launch", bag=drive, save_to=path, rate=RATE, **CAMERA)
-    wait_for(lambda: nodes.popen.poll() is not None, "the end of the bag", 90)
+    wait_for(lambda: nodes.popen.poll() is not None, "the end of the bag", 240)
     assert path.exists(), nodes.output
     assert_mapped(path)
 

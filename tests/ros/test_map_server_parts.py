@@ -124,8 +124,14 @@ def test_changes_that_come_while_one_is_shown_are_shown_together():
     assert [changed for _, changed in part.maps] == [None, ["lab"], ["hall", "lab"]]
 
 
-def test_what_stops_showing_waits_for_what_is_being_shown_and_may_start_again():
-    threads = set(threading.enumerate())
+def showing() -> set[threading.Thread]:
+    """Return the threads that show maps; others come and go."""
+    return {thread for thread in threading.enumerate() if thread.name == "map"}
+
+
+def test_what_stops_showing_waits_for_what_is_being_shown_and_may_start_again(monkeypatch):
+    monkeypatch.setattr("hypermap.ros.server.current_map._PATIENCE", 240.0)
+    before = showing()
     current, part = CurrentMap(Notes()), Slow()
     current.replace(lab())
     current.show_on([part])
@@ -135,7 +141,7 @@ def test_what_stops_showing_waits_for_what_is_being_shown_and_may_start_again():
     threading.Timer(0.2, part.may_go_on.set).start()
     current.show_no_more()
     assert part.may_go_on.is_set()
-    wait_for(lambda: set(threading.enumerate()) <= threads, "the end of the thread")
+    wait_for(lambda: showing() <= before, "the end of the thread")
     current.change("hall", lambda _, layer: layer.copy())
     assert len(part.maps) == 2
     current.show_on([part])

@@ -148,6 +148,7 @@ def test_a_callback_that_does_not_end_keeps_no_node_from_ending(
     port, node = make_port(), Idle()
     port.manage(node)
     may_end = threading.Event()
+    monkeypatch.setattr("hypermap.ros.ros2.ending.LIMIT", 0.1)
     # rclpy waits so for callbacks that run, whatever it is given as a limit.
     monkeypatch.setattr(port._executor, "shutdown", lambda: may_end.wait(240))
     threading.Timer(0.2, port.shut_down).start()

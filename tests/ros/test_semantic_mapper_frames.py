@@ -14,6 +14,7 @@ import pytest
 from hypermap.core.trajectory import compose, pose_from_rpy
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
+from hypermap.ros.mapper import statistics
 from hypermap.ros.mapper.statistics import Fate
 
 from . import live_camera as camera
@@ -53,8 +54,9 @@ def test_every_frame_that_is_not_mapped_is_counted_with_its_reason(
 
 
 def test_a_foreign_frame_is_logged_once_and_counted(
-    room: Callable[..., Room], drive: list[RgbdFrame]
+    room: Callable[..., Room], drive: list[RgbdFrame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(statistics, "WINDOW", 1000.0)  # s; all frames are in it
     node = room(
         camera.INFO, camera.DARKNET, camera.DEPTH, **{**RAW, "tf_timeout": 0.0, "map_frame": "moon"}
     )

@@ -78,7 +78,7 @@ def draw(window: Window, tool: str, corners: list[tuple[float, float]]) -> None:
     window.page.locator(tool).click()
     for corner in corners:
         window.click_at(*corner)
-        window.page.wait_for_timeout(300)  # two clicks at once would end the shape
+        window.wait_until_no_double_click()  # which would end the shape
     window.page.keyboard.press("Enter")
 
 

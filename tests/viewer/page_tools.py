@@ -62,7 +62,9 @@ def a_browser() -> Iterator[Browser]:
     """Yield a headless Chromium."""
     path = chromium()
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        browser = playwright.chromium.launch(
+            executable_path=path, args=ARGUMENTS, timeout=1000 * PATIENCE
+        )
         try:
             yield browser
         finally:
@@ -115,8 +117,8 @@ class Window:
     """
 
     def __init__(self, context: BrowserContext, url: str) -> None:
+        context.set_default_timeout(1000 * PATIENCE)
         self.page: Page = context.new_page()
-        self.page.set_default_timeout(1000 * PATIENCE)
         self.asked: list[str] = []
         self.complaints: list[str] = []
         self.page.on("request", lambda request: self.asked.append(request.url))
@@ -231,6 +233,10 @@ class Window:
     def wait_until_nothing_is_drawn(self) -> None:
         """Wait for the end of a drawing: what follows within 0.3 s counts as its double click."""
         expect(self.page.locator(".drawing")).to_have_count(0)
+
+    def wait_until_no_double_click(self) -> None:
+        """Wait until the next click is one of its own, by the timers of the page itself."""
+        self.page.evaluate("() => new Promise((later) => window.setTimeout(later, 400))")
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Press at one point of the base frame, and let go at another."""

@@ -5,11 +5,9 @@ from __future__ import annotations
 import contextlib
 import io
 import itertools
-import json
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -23,7 +21,6 @@ from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
-from websockets.sync.client import connect
 
 from hypermap.colors import class_colors
 from hypermap.core.errors import HypermapError, MissingExtra
@@ -37,6 +34,8 @@ from hypermap.perception.detectors import sources
 from hypermap.simulation import SimulatedRecording, demo_world
 from hypermap.testing.builders import occupancy_from_text, square
 from hypermap.viewer.logs.log import LoggedMapping, open_log
+
+from ..ros.foxglove_client import Client
 
 pytestmark = pytest.mark.xdist_group("logs")  # they share what takes long to make
 
@@ -212,31 +211,18 @@ def test_foxglove_looks_on_over_a_websocket() -> None:
     from hypermap.viewer.logs.foxglove_log import FoxgloveLog
 
     log = FoxgloveLog(None, "small", port=0)
-    with (
-        contextlib.closing(log),
-        connect(
-            log.url, subprotocols=["foxglove.sdk.v1"], max_size=None, open_timeout=120
-        ) as socket,
-    ):
+    assert log.url is not None
+    with contextlib.closing(log), Client(log.url) as client:
         log.add_map(small_map())  # makes the channels known
-        known: dict[str, int] = {}
-        while "/map/occupancy" not in known:
-            text = socket.recv(timeout=120)
-            if isinstance(text, str) and (answer := json.loads(text))["op"] == "advertise":
-                known |= {channel["topic"]: channel["id"] for channel in answer["channels"]}
-        wanted = [{"id": 1, "channelId": known["/map/occupancy"]}]
-        socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-        end = time.monotonic() + 120
-        while True:
+        client.subscribe("/map/occupancy")
+
+        def heard() -> bool:
             log.add_map(small_map(), stamp=5.0)
-            with contextlib.suppress(TimeoutError):
-                content = socket.recv(timeout=0.2)
-                if isinstance(content, bytes) and content[0] == 1:  # message data
-                    break
-            assert time.monotonic() < end
-    # Operation, subscription, time in nanoseconds, message.
-    assert int.from_bytes(content[5:13], "little") == 5_000_000_000
-    assert b"map" in content[13:]
+            return bool(client.messages)
+
+        client.wait(heard, "the map")
+    assert client.stamps[0] == 5_000_000_000
+    assert b"map" in client.messages[0][1]
 
 
 def test_the_grid_lies_in_rerun_where_it_lies_in_the_map(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from .page_tools import SIZE, Window, a_server
+from .page_tools import PATIENCE, SIZE, Window, a_server
 from .run_tools import watching, write_run
 from .seen_map import saved_seen_map
 from .small_map import CHAIR, METRES_PER_PIXEL, PLACES
@@ -39,6 +39,7 @@ def a_context(browser: Browser, scheme: str, size: object = SIZE) -> Iterator[Br
         pytest.skip("axe-core is not installed: scripts/page.sh")
     context = browser.new_context(viewport=size, color_scheme=scheme, reduced_motion="reduce")
     with contextlib.closing(context):
+        context.set_default_timeout(1000 * PATIENCE)
         context.add_init_script(AXE.read_text(encoding="utf-8"))
         yield context
 

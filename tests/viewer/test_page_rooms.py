@@ -71,7 +71,7 @@ def find_path(window: Window, start: tuple[float, float], goal: tuple[float, flo
         page.locator("#tool-path").click()
     window.click_at(*start)
     expect(page.locator("#hint")).to_have_text("Click the goal of the path")
-    page.wait_for_timeout(400)  # what follows sooner is a double click
+    window.wait_until_no_double_click()
     window.click_at(*goal)
     page.locator("#robot-radius").wait_for()
 
@@ -195,7 +195,7 @@ def draw_across(window: Window, start: tuple[float, float], goal: tuple[float, f
     window.page.get_by_role("button", name="Split…").click()
     expect(window.page.locator("#hint")).to_contain_text("Click both ends of a line across")
     window.click_at(*start)
-    window.page.wait_for_timeout(400)  # what follows sooner is a double click
+    window.wait_until_no_double_click()
     window.click_at(*goal)
 
 

@@ -39,7 +39,7 @@ class RunWindow:
 
     def __init__(self, page: Page, url: str) -> None:
         self.page = page
-        page.set_default_timeout(1000 * PATIENCE)
+        page.context.set_default_timeout(1000 * PATIENCE)
         self.hosts: set[str] = set()
         self.complaints: list[str] = []
         page.on("request", lambda request: self.hosts.add(str(urlsplit(request.url).hostname)))

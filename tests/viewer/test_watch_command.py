@@ -213,6 +213,6 @@ def test_the_demo_can_be_watched_too(tmp_path: Path, scratch: Path) -> None:
             except HTTPError as error:
                 error.close()  # there is no step yet
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=PATIENCE) == 130
+        assert process.wait(timeout=PATIENCE) in (130, 0)  # 0 where all is mapped by now
     assert {"table", "chair"} & names
     assert list(scratch.glob("hypermap-run-*")) == []

@@ -14,6 +14,7 @@ from typing import Any
 
 _PROGRAMS = Path("/usr/lib/postgresql/15/bin")
 _POSTGIS = Path("/usr/share/postgresql/15/extension/postgis.control")
+_WAIT = ("-w", "-t", "240", "-s")  # s; the machine may be busy
 
 
 class PrivateServer:
@@ -32,11 +33,11 @@ class PrivateServer:
     def start(self) -> None:
         """Start it, and wait until it answers."""
         log = str(self.folder / "log")
-        self._run("pg_ctl", "-D", self._data, "-w", "-s", "-l", log, "-o", self._settings, "start")
+        self._run("pg_ctl", "-D", self._data, *_WAIT, "-l", log, "-o", self._settings, "start")
 
     def stop(self) -> None:
         """End it at once, as a loss of power does."""
-        self._run("pg_ctl", "-D", self._data, "-w", "-s", "-m", "immediate", "stop")
+        self._run("pg_ctl", "-D", self._data, *_WAIT, "-m", "immediate", "stop")
 
     def address(self, database: str, user: str = "owner") -> str:
         """Return the address of one of its databases."""

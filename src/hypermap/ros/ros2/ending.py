@@ -10,8 +10,8 @@ from typing import Any
 LIMIT = 2.0  # s; `ros2 launch` kills a node 10 s after Ctrl-C
 
 
-def end_executor(executor: Any, runner: threading.Thread, limit: float = LIMIT) -> bool:
-    """Shut an executor down, and wait for the thread that spins it.
+def end_executor(executor: Any, runner: threading.Thread) -> bool:
+    """Shut an executor down, and wait for the thread that spins it, `LIMIT` seconds for each.
 
     rclpy waits without limit for callbacks that run, in some versions also against its argument
     `timeout_sec`. So a thread waits in our place.
@@ -19,16 +19,15 @@ def end_executor(executor: Any, runner: threading.Thread, limit: float = LIMIT) 
     Args:
         executor: the executor.
         runner: the thread that spins it; it may not have started.
-        limit: seconds to wait at most, for each of both.
 
     Returns:
         Whether both have ended.
     """
     helper = threading.Thread(target=executor.shutdown, name="shutdown", daemon=True)
     helper.start()
-    helper.join(limit)
+    helper.join(LIMIT)
     if runner.is_alive():
-        runner.join(limit)
+        runner.join(LIMIT)
     return not (helper.is_alive() or runner.is_alive())
 
 
