@@ -37,6 +37,17 @@ def visible(text: str, longest: int = _LONGEST) -> str:
     text = _PASSWORD.sub(r"\1@", text)
     if len(text) > longest:
         text = f"{text[: longest // 2]} ... {text[-longest // 2 :]}"
+    return escaped(text)
+
+
+def escaped(text: str) -> str:
+    r"""Return a text in which nothing but an end of a line controls a terminal.
+
+    >>> escaped("a\u202eb\n\x1b[31mc")
+    'a\\u202eb\n\\x1b[31mc'
+    """
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 

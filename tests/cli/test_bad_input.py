@@ -17,6 +17,8 @@ import pytest
 from hypermap import Hypermap, SemanticLayer, save_map
 from hypermap.testing import square
 
+from ..recordings.bag_builder import IMAGE, BagBuilder, add_images, add_poses, image
+from ..recordings.shots import make_shots
 from .conftest import Result, assert_one_error
 
 
@@ -147,12 +149,28 @@ def test_names_cannot_write_to_the_terminal(hypermap: Callable[..., Result]) -> 
 def test_names_in_json_cannot_write_to_the_terminal(
     hypermap: Callable[..., Result], tmp_path: Path
 ) -> None:
-    name = "m\u00fcg\x1b[31m\x9b31m\u202e\u2066"
+    name = "m\u00fcg\x1b[31m\x9b31m\u202e\u2066\u061c\U000e0041"
     hypermap_of_it = Hypermap([SemanticLayer("semantic", "map", [square(name, 0, 0)])])
     save_map(hypermap_of_it, tmp_path / "a.hmap")
     out = hypermap("info", tmp_path / "a.hmap", "--json").out
-    assert "m\u00fcg\\u001b[31m\\u009b31m\\u202e\\u2066" in out
+    assert "m\u00fcg\\u001b[31m\\u009b31m\\u202e\\u2066\\u061c\\udb40\\udc41" in out
     assert json.loads(out)["layers"][0]["names"] == {name: 1}
+
+
+@pytest.mark.parametrize("name", ["a\x1b[31m\x9b\u202e\u061cb", "a\nwrong: forged", "n" * 100_000])
+def test_names_in_a_bag_cannot_write_to_the_terminal(
+    hypermap: Callable[..., Result], tmp_path: Path, name: str
+) -> None:
+    shots = make_shots(1)
+    with BagBuilder(tmp_path, "ros1") as bag:
+        add_poses(bag, shots, root=name)
+        add_images(bag, shots[0])
+        depth = image(shots[0].depth_mm, "16UC1", shots[0].stamp)
+        bag.add(f"/{name}/image_rect_raw", IMAGE, shots[0].stamp, depth)
+    out = hypermap("info", bag.path).out
+    assert out.replace("\n", "").isprintable()
+    assert "\nwrong: forged" not in out
+    assert len(out) < 10_000
 
 
 def test_a_message_is_not_longer_than_a_screen(hypermap: Callable[..., Result]) -> None:

@@ -68,11 +68,14 @@ def test_broken_transforms_and_second_parents_are_noted() -> None:
     for stamp in (1, 2, 3):
         log.add(transform("odom", "base", stamp, 7.0), is_static=False)
     log.add(transform("map", "base", 2, 8.0), is_static=False)
+    log.add(transform("/", "odom", 1, 0), is_static=True)
+    log.add(transform("odom", "", 1, 0), is_static=False)
     tree, notes = log.frames(max_gap=1)
     assert tree.motion("odom", "base").at([2.0])[0, 0, 3] == 7
     assert notes == [
         "frame 'base' has several parents in tf (odom, map); 'odom' is used",
         "2 transforms are not finite and are left out",
+        "2 transforms do not name their frames and are left out",
     ]
 
 

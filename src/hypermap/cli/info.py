@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from hypermap.perception.recording import RecordingInfo
     from hypermap.recordings import RecordingOptions
 
+_LINE = 1000  # characters of a sentence about a recording, in which its names may occur
+
 
 @takes_recording_options
 def command(
@@ -194,7 +196,8 @@ def show_map(content: dict[str, Any], with_settings: bool) -> None:
             say(f"missing: {printable(name, 60)}, attached to a note, is not next to the map")
     for frame in content["frames"]:
         x, y, yaw = frame["pose"]
-        say(f"frame {frame['child']} is in {frame['parent']} at x {x:g}, y {y:g}, yaw {yaw:g}")
+        child, parent = printable(frame["child"]), printable(frame["parent"])
+        say(f"frame {child} is in {parent} at x {x:g}, y {y:g}, yaw {yaw:g}")
     made_with = dict(content["metadata"])
     if "floor" in made_with:
         say(f"floor: {printable(made_with.pop('floor'))}")
@@ -310,12 +313,12 @@ def show_recording(content: dict[str, Any]) -> None:
     for check in content["checks"]:
         if check["is_wrong"]:
             problem = "; ".join(check[part] for part in ("measured", "effect", "remedy"))
-            say(f"wrong: {check['check']}: {problem}", style="bold")
+            say(f"wrong: {check['check']}: {printable(problem, _LINE)}", style="bold")
         else:
-            say(f"checked: {check['check']}: {check['measured']}")
+            say(f"checked: {check['check']}: {printable(check['measured'], _LINE)}")
     for text in content["notes"]:
-        say(f"note: {text}")
+        say(f"note: {printable(text, _LINE)}")
     for text in content["missing"]:
-        say(f"missing: {text}", style="bold")
+        say(f"missing: {printable(text, _LINE)}", style="bold")
     if not content["missing"]:
         say("Nothing is missing: `hypermap map` can make a map of it.")

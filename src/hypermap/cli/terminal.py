@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from hypermap.core.errors import HypermapError
-from hypermap.text import fit_for_json, visible
+from hypermap.text import escaped, fit_for_json, visible
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
 NO_MEMORY, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes
-_CONTROLS = re.compile("[\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+_NOT_ASCII = re.compile("[^\n -~]")
 _PIPED_WIDTH = 160  # columns of a table that goes to a file or another program
 
 
@@ -47,8 +47,8 @@ def _console(stderr: bool) -> Console:
 
 
 def say(text: str = "", style: str | None = None) -> None:
-    """Print a line of an answer; what comes from files goes through `printable` first."""
-    out().print(text, style=style, soft_wrap=True)
+    """Print a line of an answer; names from files go through `printable`, which shortens them."""
+    out().print(escaped(text), style=style, soft_wrap=True)
 
 
 def note(text: str) -> None:
@@ -128,15 +128,31 @@ def say_json(value: Any) -> None:
     text = json.dumps(
         fit_for_json(value), indent=2, ensure_ascii=not knows_all_letters, default=str
     )
-    sys.stdout.write(_CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", text) + "\n")
+    sys.stdout.write(_NOT_ASCII.sub(_shown_in_json, text) + "\n")
+
+
+def _shown_in_json(found: re.Match[str]) -> str:
+    return found[0] if found[0].isprintable() else json.dumps(found[0])[1:-1]
+
+
+@functools.cache
+def _table_class() -> type[Table]:
+    """Return a class of tables whose cells control no terminal."""
+    from rich.table import Table
+
+    class SafeTable(Table):
+        def add_row(self, *cells: Any, **more: Any) -> None:
+            safe = (escaped(cell) if isinstance(cell, str) else cell for cell in cells)
+            super().add_row(*safe, **more)
+
+    return SafeTable
 
 
 def table(*columns: str, right: Sequence[str] = ()) -> Table:
     """Return an empty table; the columns named in `right` hold numbers."""
     from rich.box import SIMPLE
-    from rich.table import Table
 
-    grid = Table(box=SIMPLE, pad_edge=False, show_edge=False, header_style="bold")
+    grid = _table_class()(box=SIMPLE, pad_edge=False, show_edge=False, header_style="bold")
     for column in columns:
         grid.add_column(column, justify="right" if column in right else "left", overflow="fold")
     return grid
@@ -144,9 +160,7 @@ def table(*columns: str, right: Sequence[str] = ()) -> Table:
 
 def facts(rows: Sequence[tuple[str, str]]) -> Table:
     """Return a table of names and what they are, without a head."""
-    from rich.table import Table
-
-    grid = Table.grid(padding=(0, 3))
+    grid = _table_class().grid(padding=(0, 3))
     for name, value in rows:
         grid.add_row(name, value)
     return grid

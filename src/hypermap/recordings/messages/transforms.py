@@ -22,10 +22,11 @@ class TransformLog:
 
     Attributes:
         broken: number of transforms left out because they are not finite.
+        unnamed: number of those left out because they do not name a frame, as tf2 does.
     """
 
     def __init__(self) -> None:
-        self.broken = 0
+        self.broken = self.unnamed = 0
         self._fixed: dict[Edge, NDArray[np.float64]] = {}
         # Eight numbers per transform in a flat array: a long drive has millions of them.
         self._moving: dict[Edge, array[float]] = defaultdict(lambda: array("d"))
@@ -38,6 +39,8 @@ class TransformLog:
             numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
             if not all(map(math.isfinite, numbers)) or not any(numbers[3:]):
                 self.broken += 1
+            elif not all(edge):
+                self.unnamed += 1
             elif is_static:
                 self._fixed[edge] = pose_matrix(numbers[:3], numbers[3:])
             else:
@@ -79,6 +82,8 @@ class TransformLog:
                 )
         if self.broken:
             notes.append(f"{self.broken} transforms are not finite and are left out")
+        if self.unnamed:
+            notes.append(f"{self.unnamed} transforms do not name their frames and are left out")
         return MovingFrames(edges), notes
 
 
