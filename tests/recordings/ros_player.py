@@ -72,10 +72,14 @@ def main(folder: Path, count: int, recorders: int) -> None:
             time.sleep(0.05)
     depths, colors = (read_list(folder / name)[:count] for name in ("depth.txt", "rgb.txt"))
     first, last = float(depths[0][0]) - 0.1, float(depths[-1][0]) + 0.1
-    for row in read_list(folder / "groundtruth.txt"):
-        if first <= float(row[0]) <= last:
-            pose = transform(float(row[0]), "/world", "/kinect", list(map(float, row[1:])))
-            publishers["/tf"].publish(pose)
+    poses = [
+        transform(float(row[0]), "/world", "/kinect", list(map(float, row[1:])))
+        for row in read_list(folder / "groundtruth.txt")
+        if first <= float(row[0]) <= last
+    ]
+    for start in range(0, len(poses), 4):  # `rosbag record` lets but 100 messages of a topic wait
+        some = [one for pose in poses[start : start + 4] for one in pose.transforms]
+        publishers["/tf"].publish(TFMessage(some))
     for (depth_stamp, depth_name), (color_stamp, color_name) in zip(depths, colors, strict=True):
         integers = np.asarray(Picture.open(folder / depth_name)).astype(np.float32)
         depth = np.where(integers == 0, np.float32("nan"), integers / np.float32(5000))
