@@ -138,6 +138,16 @@ def test_rviz_gets_what_the_layer_holds(types: Any, layer: SemanticLayer) -> Non
             assert shape.distance(shapely.Point(place)) < 5 * MarkerStyle().label_height
 
 
+def test_hostile_names_are_short_labels_in_namespaces_of_their_own(types: Any) -> None:
+    names = ["n" * 10**6, "n" * 10**6 + "m", "a\x1b[31m\n\u202eb", "\x07"]
+    things = [square(name, 3 * i, 0) for i, name in enumerate(names)]
+    got = shown(SemanticLayer("s", "map", things), types)
+    assert len(got) == 4
+    assert all(len(name) < 300 for name in got)
+    texts = [markers[FIRST_LABEL].text for markers in got.values() if FIRST_LABEL in markers]
+    assert sorted(texts) == ["a [31m b", "n" * 59 + "…", "n" * 59 + "…"]
+
+
 def test_outlines_follow_what_was_drawn_and_fills_what_it_means(types: Any) -> None:
     got = shown(SemanticLayer("s", "map", [SemanticObject("bow", BOW_TIE)]), types)["bow"]
     assert area_of(corners(got[FILL])[:, :2]) == pytest.approx(2.0)

@@ -21,6 +21,7 @@ from hypermap.ros.messages.markers import (
     TEXT_VIEW_FACING,
     TRIANGLE_LIST,
     MarkerMaker,
+    label_text,
 )
 from hypermap.ros.port import Message
 from hypermap.triangles import Corners, label_points, ring_segments, triangles
@@ -129,7 +130,7 @@ def _labels(table: ObjectTable, style: MarkerStyle) -> IntArray:
     """Return the rows of the objects that get a label; to rviz, one without text is an error."""
     if not style.show_labels:
         return np.empty(0, dtype=np.int64)
-    has_text = np.array([bool(name.strip()) for name in table.vocabulary], dtype=bool)
+    has_text = np.array([bool(label_text(name)) for name in table.vocabulary], dtype=bool)
     named = np.flatnonzero(has_text[table.codes])
     largest = np.argsort(-table.areas[named], kind="stable")[: style.max_labels]
     return np.sort(named[largest])
@@ -138,7 +139,7 @@ def _labels(table: ObjectTable, style: MarkerStyle) -> IntArray:
 def _label_places(table: ObjectTable, rows: IntArray, height: float) -> NDArray[np.float64]:
     """Return where the labels of some objects stand; that of a larger one has the first choice."""
     rank = np.argsort(-table.areas[rows], kind="stable")
-    lengths = np.array([len(name) for name in table.vocabulary], dtype=int)
+    lengths = np.array([len(label_text(name)) for name in table.vocabulary], dtype=int)
     places = np.empty((len(rows), 2))
     belong = label_points(table.shapes[rows], table.centroids[rows])
     places[rank] = places_apart(belong[rank], lengths[table.codes[rows[rank]]], height)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,13 @@ from hypermap.ros.messages.geometry_messages import Types
 from hypermap.ros.messages.points import is_ros1, many_points
 from hypermap.ros.port import Message
 from hypermap.ros.ros1.arrays import writing_arrays
+from hypermap.text import printable
 
 # visualization_msgs/Marker
 ARROW, LINE_LIST, CUBE_LIST, TEXT_VIEW_FACING, TRIANGLE_LIST = 0, 5, 6, 9, 11
 DELETE_ALL = 3
+
+_LONGEST_LABEL, _LONGEST_NAMESPACE = 60, 200  # characters
 
 INK = (0.08, 0.08, 0.08, 1.0)  # of labels
 
@@ -42,7 +46,7 @@ class MarkerMaker:
         marker = self._marker()
         marker.header.frame_id = clean_frame(self._frame_id)
         marker.header.stamp = self._stamp
-        marker.ns, marker.id, marker.type = namespace, number, kind
+        marker.ns, marker.id, marker.type = _shortened(namespace), number, kind
         marker.pose.orientation.w = 1.0
         marker.color.r, marker.color.g, marker.color.b, marker.color.a = color
         marker.frame_locked = True
@@ -80,7 +84,7 @@ class MarkerMaker:
         """Give a marker text, its place and the height of its letters [m]."""
         marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = at
         marker.scale.z = float(height)
-        marker.text = text
+        marker.text = label_text(text)
 
     def point_along(self, marker: Message, pose: Pose2D, length: float, height: float) -> None:
         """Give an arrow its pose, its length and its height above the floor [m]."""
@@ -89,3 +93,15 @@ class MarkerMaker:
         turn.z, turn.w = math.sin(pose.yaw / 2), math.cos(pose.yaw / 2)
         marker.scale.x = float(length)
         marker.scale.y = marker.scale.z = length / 5
+
+
+def label_text(text: str) -> str:
+    """Return the text of a label; to rviz, one without text is an error."""
+    return printable(text, _LONGEST_LABEL)
+
+
+def _shortened(namespace: str) -> str:
+    """Return a namespace that is not endless, as each marker repeats it, but still its own."""
+    if len(namespace) <= _LONGEST_NAMESPACE:
+        return namespace
+    return f"{namespace[:_LONGEST_NAMESPACE]} {zlib.crc32(namespace.encode(errors='replace')):08x}"
