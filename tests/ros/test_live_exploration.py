@@ -11,6 +11,7 @@ import pytest
 from hypermap.exploration import Explorer, Sensor
 from hypermap.paths import PathSettings
 from hypermap.perception.frame import RgbdFrame
+from hypermap.ros.mapper.exploring import LiveExploration
 from hypermap.ros.mapper.first_mapper import FirstMapper
 from hypermap.ros.ros1.messages import message_class
 
@@ -33,7 +34,10 @@ EXPLORING = {
 
 
 def test_frontiers_and_next_views_are_published(
-    room: Callable[..., Room], rospy: Any, drive: list[RgbdFrame]
+    room: Callable[..., Room],
+    rospy: Any,
+    drive: list[RgbdFrame],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW, **EXPLORING)
     got: dict[str, list[Any]] = {}
@@ -80,18 +84,38 @@ def test_frontiers_and_next_views_are_published(
     assert of(markers, "gains")[0].text.startswith(f"1: {frontiers[0].gain:.1f} m2")
     assert of(markers, "next_views")[0].pose.position.x == pytest.approx(views[0].pose.x)
 
-    def is_quiet() -> bool:
-        before = len(markers)
-        rospy.sleep(1.0)
-        return len(markers) == before
-
-    wait_for(is_quiet, "what was under way")
-    count = len(markers)
+    (exploration,) = (
+        each
+        for each in node.node._life._others  # type: ignore[union-attr]
+        if isinstance(each, LiveExploration)
+    )
+    looks = count_calls(exploration._repeating, "_work", monkeypatch)
+    published: list[Any] = []
+    publish = exploration._markers.publish
+    monkeypatch.setattr(
+        exploration._markers, "publish", lambda made: (published.append(made), publish(made))
+    )
+    wait_for(lambda: len(looks) > 2, "the end of the look that was under way")
+    count = len(published)
     node.show_tf(drive[5])  # neither map nor robot has moved
-    rospy.sleep(0.5)
-    assert len(markers) == count
+    seen = len(looks)
+    wait_for(lambda: len(looks) > seen + 2, "more looks")
+    assert len(published) == count
     for listener in listeners:
         listener.unregister()
+
+
+def count_calls(owner: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> list[None]:
+    """Return a list that grows with each call of a method from now on, when it has ended."""
+    ended: list[None] = []
+    call = getattr(owner, name)
+
+    def counted() -> None:
+        call()
+        ended.append(None)
+
+    monkeypatch.setattr(owner, name, counted)
+    return ended
 
 
 def test_the_mapper_of_2019_publishes_areas_under_their_old_names(rospy: Any, port: Any) -> None:
