@@ -187,3 +187,11 @@ def test_a_damaged_message_costs_its_frame_alone(tmp_path: Path, kind: str, bad:
     assert message.startswith(problem)
     with pytest.raises(FormatError, match="a message is damaged"):
         list(recording.frames())
+
+
+def test_a_description_that_takes_minutes_to_read_is_refused(tmp_path: Path) -> None:
+    path = write_bag(tmp_path, "mcap", SHOTS[:1])
+    described = path / "metadata.yaml"
+    described.write_bytes(described.read_bytes() + b"# " + b"x" * 1_000_000)
+    [problem] = open_recording(path).info().missing
+    assert problem.startswith(f"{path}: metadata.yaml has 1.0 MB, of which at most 1 are read")

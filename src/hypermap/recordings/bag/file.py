@@ -18,6 +18,7 @@ from hypermap.core.errors import FormatError, HypermapError
 from hypermap.recordings.bag.definitions import DETECTION_TYPES, known_types
 from hypermap.recordings.bag.parts import is_ros1_bag, parts_of
 
+_MOST_METADATA = 1_000_000  # bytes, which take half a second
 _REPAIR = {
     ".bag": "rosbag reindex",
     ".active": "rosbag reindex",
@@ -131,6 +132,7 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
     """Yield an open reader; attribute any error inside to the bag."""
     reader: rosbag1.Reader | rosbag2.Reader
     try:
+        _check_metadata(path / "metadata.yaml")
         reader = rosbag1.Reader(path) if is_ros1_bag(path) else rosbag2.Reader(path)
         with reader:
             yield reader
@@ -147,6 +149,15 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
             f"`{repair}` may repair it",
             path=path,
         ) from error
+
+
+def _check_metadata(file: Path) -> None:
+    """Refuse a description of a bag that takes minutes to read, as it is read at each opening."""
+    if file.is_file() and (size := file.stat().st_size) > _MOST_METADATA:
+        raise FormatError(
+            f"metadata.yaml has {size / 1e6:.1f} MB, of which at most {_MOST_METADATA / 1e6:g} are "
+            "read; `ros2 bag reindex` writes it anew"
+        )
 
 
 def _types_of(connection: Connection) -> Typestore:
