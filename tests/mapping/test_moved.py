@@ -125,14 +125,24 @@ def test_the_only_one_of_its_class_may_look_unlike_from_another_side(
     assert ("moved" in unlike.attributes) == is_moved
 
 
-def test_what_was_not_looked_at_was_not_moved_to_a_few_detections_beside_it() -> None:
+@pytest.mark.parametrize(("x", "ids"), [(-1.9, {0}), (3.0, {1})])
+def test_what_is_moved_a_little_may_show_less_of_its_height(x: float, ids: set[int]) -> None:
     evidence = EvidenceMap(DEFAULT)
     for second in range(6):
         evidence.update(seen(square(-3), stamp=second))
-    for second in range(3):
+    for second in range(60):
+        evidence.update(seen(square(x), top=0.6, stamp=DAY + second))
+    assert {item.id for item in evidence.objects()} == ids
+
+
+def test_what_was_not_looked_at_was_not_moved_to_two_detections_beside_it() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(2):
         evidence.update(seen(square(-1.9), area=RIGHT, stamp=DAY + second))
     assert {item.id for item in evidence.objects()} == {0, 1}
-    evidence.update(seen(square(-1.9), area=RIGHT, stamp=DAY + 3))
+    evidence.update(seen(square(-1.9), area=RIGHT, stamp=DAY + 2))
     assert only(evidence).id == 0
 
 
