@@ -38,7 +38,7 @@ def seen(
 
 def published_all(config: EvidenceConfig) -> EvidenceConfig:
     """The same configuration, with every object published that is not forgotten."""
-    return dataclasses.replace(config, publish_above=config.forget_below)
+    return dataclasses.replace(config, publish_above=config.forget_below, min_probability=0.0)
 
 
 def only(evidence: EvidenceMap) -> SemanticObject:

@@ -199,9 +199,10 @@ def test_the_confidence_of_the_profile_default_is_a_probability_that_grows_with_
     evidence = EvidenceMap(profile("default").evidence)
     sure = []
     for stamp in range(4):
-        evidence.update(seen(square(0), stamp=float(stamp), score=1.0))
+        evidence.update(seen(square(3), stamp=float(stamp), score=1.0))
         sure += [item.confidence[0] for item in evidence.objects()]
-    assert sure == pytest.approx([1 - math.exp(-existence / 4) for existence in (3.0, 4.5, 6.0)])
+    odds = [math.exp(7.0 - 5.1 + 1.4 * math.log(existence)) for existence in (3.0, 4.5, 6.0)]
+    assert sure == pytest.approx([each / (1 + each) for each in odds])
 
 
 def test_the_evidence_behind_an_object_keeps_stamp_pose_and_score() -> None:

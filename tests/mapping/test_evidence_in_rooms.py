@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal
+import math
+from collections.abc import Sequence
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -14,6 +16,9 @@ from shapely import affinity
 
 from hypermap.core.semantic import SemanticObject
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.evidence_buffer import evidence_from
+from hypermap.mapping.missed_detections import penalize_missed
+from hypermap.mapping.tracks import TrackTable
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
@@ -39,6 +44,7 @@ def viewed(observation: Observation, view: DepthView) -> Observation:
 
 
 CHAIR = shapely.box(1.8, -0.25, 2.3, 0.25)
+LEAKS = [square(2.05, 0, side=side) for side in (0.2, 0.3, 1.2)]  # one place, but not one shape
 
 
 def test_a_moved_chair_is_gone_within_ten_seconds_of_looking_at_its_old_place() -> None:
@@ -58,9 +64,62 @@ def test_what_is_hidden_loses_nothing() -> None:
     evidence.update(viewed(seen(), level(1.0)))  # someone stands before it
     assert only(evidence).existence == 1.5
     evidence.update(viewed(seen(), level(2.0)))  # it is there, and the detector missed it
-    assert only(evidence).existence == 1.2
+    once = 1.5 - 0.3 * math.log(1 - 1.8 / 3) / math.log(1 - 0.8)  # it is found in 1.8 of 3 frames
+    assert only(evidence).existence == pytest.approx(once)
     evidence.update(viewed(seen(), level(5.0)))  # it is not there
-    assert only(evidence).existence == pytest.approx(0.2)
+    assert only(evidence).existence == pytest.approx(once - 1)
+
+
+def from_side(observation: Observation, x: float) -> Observation:
+    """The same from a camera whose view is level, before or behind the chair at x = 2."""
+    view = level(2.0, x)
+    view.map_T_camera[:2, :3] *= 1 if x < 2 else -1
+    return dataclasses.replace(observation, map_T_camera=view.map_T_camera, view=None)
+
+
+def often_missed(
+    shapes: Sequence[shapely.Polygon], sides: Sequence[float], **changed: Any
+) -> EvidenceMap:
+    """Return a map after frames that show a chair from some sides, each followed by 3 misses."""
+    evidence = EvidenceMap(dataclasses.replace(DEFAULT, **changed))
+    for k, (shape, x) in enumerate(zip(shapes, sides, strict=True)):
+        evidence.update(from_side(seen(shape, stamp=4.0 * k, score=0.7), x))
+        for n in range(3):
+            evidence.update(viewed(seen(stamp=4.0 * k + 1 + n), level(2.0)))
+    return evidence
+
+
+def test_a_thing_that_is_seldom_found_is_there_if_all_views_agree() -> None:
+    chairs, sides = [CHAIR] * 4, [0.0, 4.0, 0.0, 4.0]
+    assert only(often_missed(chairs, sides)).confidence[0] > 0.9
+    assert len(often_missed(chairs, sides, detection_rate="fixed")) == 0
+
+
+@pytest.mark.parametrize(("y", "cost"), [(0.0, 0.3), (0.6, 0.171)])
+def test_a_piece_of_a_chair_that_is_shown_was_not_missed_for_being_seldom_found(
+    y: float, cost: float
+) -> None:
+    tracks = TrackTable(max_existence=20.0)
+    frame = viewed(seen(CHAIR), level(2.0))
+    for shape in (CHAIR, square(2.05, y, side=0.2)):
+        ((_, evidence),) = evidence_from(seen(shape))
+        tracks.objects[tracks.append("chair", 0, evidence, 100)].buffer.add(evidence)
+    penalize_missed(tracks, frame, {0}, DEFAULT)
+    assert tracks.existence.tolist() == pytest.approx([0, -cost], abs=1e-3)
+    assert tracks.missed(1)[1] == pytest.approx(0.3 - cost, abs=1e-3)
+
+
+def test_pieces_that_are_seldom_found_and_disagree_are_no_thing() -> None:
+    assert len(often_missed(LEAKS, [0.0] * 3)) == 0
+    assert len(often_missed(LEAKS, [0.0] * 3, min_probability=0.0)) == 1
+
+
+def test_what_is_in_the_map_at_once_needs_to_be_probable() -> None:
+    for config, count in ((DEFAULT, 0), (dataclasses.replace(DEFAULT, min_probability=0.0), 1)):
+        evidence = EvidenceMap(config)
+        for k, leak in enumerate(LEAKS):
+            evidence.update(viewed(seen(leak, stamp=float(k), score=0.5), level(4.0)))
+        assert len(evidence) == count
 
 
 def test_where_only_the_area_counts_what_is_hidden_loses_too() -> None:
@@ -78,7 +137,7 @@ def test_a_false_train_does_not_survive_a_second_look() -> None:
     assert len(evidence) == 0
     evidence.update(viewed(seen(wall, name="train", score=0.6, stamp=2), level(3.0)))
     assert len(evidence) == 1  # three times at once is believed
-    for k in range(3):
+    for k in range(4):
         evidence.update(viewed(seen(stamp=3 + k), level(3.0)))
     assert len(evidence) == 0
 

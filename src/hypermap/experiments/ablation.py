@@ -72,6 +72,8 @@ def without_parts(whole: MappingConfig) -> dict[str, MappingConfig]:
         "completion": evidence(completion="none"),
         "gain by score": evidence(gain_by_score=False),
         "rays": evidence(sight="area"),
+        "estimated detection rate": evidence(detection_rate="fixed"),
+        "probability": evidence(min_probability=0.0),
         "see-throughs": evidence(gone_loss=whole.evidence.loss),
         "conflicts": evidence(contested=0.0),
         "one class per place": evidence(slip=1.0),

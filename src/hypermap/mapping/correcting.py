@@ -273,7 +273,8 @@ def with_known_ids(
         if (before := kept.get(track.id)) is not None:
             track.buffer.pictures, track.buffer.embedding = before.pictures, before.embedding
         shape, heights = tracks.shapes.polygons[row], tracks.shapes.heights[row].tolist()
-        table.add(track, 0, shape, tuple(heights), float(tracks.existence[row]))
+        existence = float(tracks.existence[row])
+        table.add(track, 0, shape, tuple(heights), existence, tracks.missed(row))
     table.next_id = max(table.next_id, number)
     return table
 

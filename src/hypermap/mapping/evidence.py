@@ -254,8 +254,10 @@ class EvidenceMap:
                 track.buffer, track.moved = fresh
                 track.moved_since = track.buffer.items[0].stamp
                 track.pending = len(track.buffer)
+                self._tracks.misses[row] = 0
         if self.config.moves and self._tracks.existence[row] <= self.config.forget_below:
             self._tracks.change_existence(row, -float(self._tracks.existence[row]))  # it is back
+            self._tracks.spared[row] = self._tracks.misses[row] = 0
         gain = self.config.gain * (evidence.score if self.config.gain_by_score else 1.0)
         self._tracks.change_existence(row, gain)
         if track.pending > self.config.renewal * len(track.buffer):
@@ -274,7 +276,9 @@ class EvidenceMap:
             track.pending = len(track.buffer)
             for other in others:
                 self._transfer_co_occurrences(self._tracks.objects[other], track)
-            self._tracks.change_existence(row, float(self._tracks.existence[others].sum()))
+            self._tracks.misses[row] += self._tracks.misses[others].sum()
+            existence, spared = self._tracks.existence[others], self._tracks.spared[others]
+            self._tracks.change_existence(row, float(existence.sum()), float(spared.sum()))
             self._tracks.remove(others)
             (row,) = self._tracks.rows_of([track.id])
         return row
@@ -403,7 +407,8 @@ class EvidenceMap:
             shapes = self._tracks.shapes
             shapes.replace(row, shapes.polygons[other])
             shapes.heights[row] = shapes.heights[other]
-            self._tracks.existence[row] = self._tracks.existence[other]
+            for column in (self._tracks.existence, self._tracks.spared, self._tracks.misses):
+                column[row] = column[other]
             self._tracks.remove([other])
             self._observed = {move.gone if n == move.there else n for n in self._observed}
             self.shown = [(one, move.gone if n == move.there else n) for one, n in self.shown]

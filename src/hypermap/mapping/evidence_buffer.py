@@ -190,6 +190,8 @@ class EvidenceBuffer:
         self._limit = limit
         self._heights: tuple[float, float] | None = None
         self._surely_there: tuple[float, float] | None = None
+        self._agreement: tuple[PreparedPolygon, float] | None = None
+        self._angle: float | None = None
         self.items: list[Evidence] = []
         self._centroids = Column(np.empty((0, 2)))
         self.count = 0
@@ -267,6 +269,33 @@ class EvidenceBuffer:
             self._heights = float(low), float(high)
         return self._heights
 
+    def agreement(self, shape: PreparedPolygon) -> float:
+        """Return how far the kept footprints agree with a shape: their mean IoU with it, 0..1."""
+        if not self.items:
+            return 1.0
+        if self._agreement is None or self._agreement[0] is not shape:
+            areas = [item.prepared.area for item in self.items]
+            shared = shapely.area(shapely.intersection(self.footprints(), shape.geometry))
+            ious = shared / (np.array(areas) + shape.area - shared)
+            self._agreement = shape, float(ious.mean())
+        return self._agreement[1]
+
+    def angle(self) -> float:
+        """Return the greatest angle, seen from above, between two kept views of the object [rad].
+
+        Directions are from the median centroid to the cameras.
+        """
+        if not self.items:
+            return 0.0
+        if self._angle is None:
+            cameras = np.array([item.map_T_camera[:2, 3] for item in self.items]).reshape(-1, 2)
+            ways = cameras - np.median(self.centroids, axis=0)
+            lengths = np.hypot(*ways.T)
+            is_aside = lengths > 0.01  # not above the object
+            ways = ways[is_aside] / lengths[is_aside, np.newaxis]
+            self._angle = math.acos(min(max(float((ways @ ways.T).min(initial=1)), -1), 1))
+        return self._angle
+
     @property
     def surely_there(self) -> tuple[float, float]:
         """The stamps from which on and up to which there surely was an object [s].
@@ -299,7 +328,7 @@ class EvidenceBuffer:
         return other
 
     def _count(self, count: int, score: float, first: float, last: float) -> None:
-        self._heights = self._surely_there = None
+        self._heights = self._surely_there = self._agreement = self._angle = None
         self.count += count
         self.score_sum += score
         if first > EARLIEST or not EARLIEST < self.first_seen < np.inf:  # a clock that was not set

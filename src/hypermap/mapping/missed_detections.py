@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Sequence, Set
 
 import numpy as np
 import shapely
@@ -11,6 +11,7 @@ import shapely
 from hypermap.mapping.evidence_buffer import CONFIRMED, STALE
 from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.occlusion import sample_points, visible_shares
+from hypermap.mapping.prepared_polygon import shared_area
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import Track, TrackTable
 from hypermap.perception.depth_view import DepthView
@@ -18,6 +19,8 @@ from hypermap.perception.observation import Observation
 
 _VISIBLE = 0.5  # share of an object that must be visible for a missed detection
 _ABSENT = 0.9  # share of its observable samples that rays must pass for it to be absent
+_SAME_PLACE = 0.5  # share of a track in another one, from which they are one object
+_USUAL_RATE = 0.8  # share of the frames that should show an object in which it is found
 _WELL_SEEN = 8  # observations from which the detector is known to find an object
 _MOST_GONE = 50  # tracks that are gone but kept
 _EVERYWHERE = (-math.inf, -math.inf, math.inf, math.inf)
@@ -84,15 +87,53 @@ def _penalize_by_rays(
     rows = tracks.excluding(near, observed)
     samples = [tracks.shapes.polygons[row].cached(sample_points) for row in rows]
     seen = visible_shares(view, samples, tracks.shapes.heights[rows], config.tolerance)
+    shown = tracks.rows_of(observed)
     is_absent, is_gone = (share >= _ABSENT * seen.visible for share in (seen.through, seen.beyond))
     for i in np.flatnonzero(seen.visible >= _VISIBLE).tolist():
-        buffer = tracks.objects[rows[i]].buffer
+        buffer, spared = tracks.objects[rows[i]].buffer, 0.0
         if stamp - buffer.last_seen > STALE:
             missed = config.stale_miss if buffer.count >= _WELL_SEEN else config.loss
             loss = config.stale_loss if is_gone[i] else missed
+        elif is_absent[i]:
+            loss = config.gone_loss
         else:
-            loss = config.gone_loss if is_absent[i] else config.loss
-        tracks.change_existence(rows[i], -loss)
+            loss = _loss_of_miss(tracks, rows[i], shown, config)
+            spared = config.loss - loss
+        tracks.change_existence(rows[i], -loss, spared)
+
+
+def _loss_of_miss(
+    tracks: TrackTable, row: int, shown: Sequence[int], config: EvidenceConfig
+) -> float:
+    """Count a missed detection of a track, and return the existence that it costs.
+
+    If an object is seldom found, a miss says little: the log of its probability, relative to that
+    for an object which is found as often as is expected at first. But a piece of an object that the
+    frame shows as a whole is no object of its own that was missed.
+
+    Source: Mahler, Vo, Vo, "CPHD filtering with unknown clutter rate and detection profile", IEEE
+    TSP 59 (2011); here, each track has a rate of its own, the mean of a beta distribution.
+    """
+    if config.detection_rate == "fixed" or _is_part_of_one(tracks, row, shown):
+        return config.loss
+    tracks.misses[row] += 1
+    found = tracks.objects[row].buffer.count + _USUAL_RATE
+    rate = found / (found + tracks.misses.item(row) + 1 - _USUAL_RATE)
+    return config.loss * min(1.0, math.log1p(-rate) / math.log1p(-_USUAL_RATE))
+
+
+def _is_part_of_one(tracks: TrackTable, row: int, others: Sequence[int]) -> bool:
+    """Return whether at least half of a track, or of another of its class, is in both."""
+    shapes = tracks.shapes
+    polygon, (xmin, ymin, xmax, ymax) = shapes.polygons[row], shapes.boxes[row].tolist()
+    for other in others:
+        if shapes.classes[other] == shapes.classes[row]:
+            left, bottom, right, top = shapes.boxes[other].tolist()
+            if left < xmax and right > xmin and bottom < ymax and top > ymin:
+                least = min(polygon.area, shapes.polygons[other].area)
+                if shared_area(polygon, shapes.polygons[other]) >= _SAME_PLACE * least:
+                    return True
+    return False
 
 
 def _penalize_by_area(

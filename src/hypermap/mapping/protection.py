@@ -44,7 +44,8 @@ def protected(
             track.by_hand = edit
             low, high = tracks.shapes.heights[row].tolist()
             existence = float(tracks.existence[row])
-            table.add(track, 0, shape or tracks.shapes.polygons[row], (low, high), existence)
+            missed, kept = tracks.missed(row), shape or tracks.shapes.polygons[row]
+            table.add(track, 0, kept, (low, high), existence, missed)
         elif edit is not None and edit.drawn is not None and shape is not None:
             buffer = EvidenceBuffer(config.max_evidence)
             track = Track(number, edit.drawn.name, buffer, by_hand=edit)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import BoolArray
 from hypermap.core.embeddings import Embeddings
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -21,10 +21,12 @@ from hypermap.mapping.doubles import without_doubles
 from hypermap.mapping.evidence_table import lazy_evidence_table
 from hypermap.mapping.fusion import FUSIONS, votes
 from hypermap.mapping.landmarks import landmark_moves
+from hypermap.mapping.probability import probability
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable, are_two
 
-_SURE = 4.0  # existence at which an object is there with a probability of 1 - 1/e; measured
+_BEYOND_DOUBT = 10.0  # objects with more existence than this are always probable
+_OFTEN_MISSED = 0.5  # least probability of those that are in the map although they are often missed
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +47,30 @@ class PublishedTracks:
 
     def rows(self) -> list[int]:
         """Return the rows of the tracks that are published."""
-        is_published = self.tracks.existence > self.config.publish_above
+        is_published = self._is_probable()
         if self.is_edited:
             edits = [track.by_hand for track in self.tracks.objects]
             is_published |= [edit is not None for edit in edits]
             is_published &= [edit is None or not edit.is_deleted for edit in edits]
         rows: list[int] = np.flatnonzero(is_published).tolist()
         return rows
+
+    def _is_probable(self) -> BoolArray:
+        """Return which tracks have enough existence and are probable, shape (N,)."""
+        existence, least = self.tracks.existence, self.config.min_probability
+        is_probable: BoolArray = existence > self.config.publish_above
+        if least == 0:
+            return is_probable
+        is_sure = existence - self.tracks.spared > self.config.publish_above
+        for row in np.flatnonzero(is_probable & ~(is_sure & (existence > _BEYOND_DOUBT))).tolist():
+            needed = least if is_sure[row] else max(least, _OFTEN_MISSED)
+            is_probable[row] = self._probability(row) >= needed
+        return is_probable
+
+    def _probability(self, row: int) -> float:
+        shape = self.tracks.shapes.polygons[row]
+        existence = float(self.tracks.existence[row])
+        return probability(existence, self.tracks.objects[row].buffer, shape)
 
     def objects(self, ids: Collection[int] | None = None) -> list[SemanticObject]:
         """Return the objects with these ids, or all; see `EvidenceMap.objects`."""
@@ -152,4 +171,4 @@ class PublishedTracks:
         buffer = self.tracks.objects[row].buffer
         if self.config.confidence == "score":
             return buffer.score_sum / buffer.count
-        return -math.expm1(-max(float(self.tracks.existence[row]), 0.0) / _SURE)
+        return self._probability(row)

@@ -105,6 +105,8 @@ class EvidenceConfig:
         gain: existence gained by an observation.
         gain_by_score: whether the gain is multiplied by the detection's score.
         loss: existence lost by a missed detection.
+        detection_rate: "estimated": a missed detection costs less for an object that is seldom
+            found, for "rays"; "fixed": always the same.
         loses: which tracks can be missed: "all" in the visible area, or only "unmatched" ones,
             which this frame did not show.
         sight: the occlusion test, which decides what a frame should have shown. "area": objects in
@@ -128,6 +130,8 @@ class EvidenceConfig:
         confidence: of an object: "existence", the probability that it exists, from its existence;
             "score", the mean score of its detections.
         publish_above: objects with more existence than this are in the map.
+        min_probability: objects that are less probable than this are not in the map; 0 turns it
+            off.
         forget_below: tracks with less existence than this are pruned.
     """
 
@@ -152,6 +156,7 @@ class EvidenceConfig:
     gain: float = 1.5
     gain_by_score: bool = True
     loss: float = 0.3
+    detection_rate: Literal["estimated", "fixed"] = "estimated"
     loses: Literal["unmatched", "all"] = "unmatched"
     sight: Literal["rays", "area"] = "rays"
     margin: float = 0.1
@@ -167,10 +172,12 @@ class EvidenceConfig:
     max_existence: float = 20.0
     confidence: Literal["existence", "score"] = "existence"
     publish_above: float = 2.0
+    min_probability: float = 0.25
     forget_below: float = -5.0
 
     def __post_init__(self) -> None:
-        for share in ("min_overlap", "min_jaccard", "vote_share", "min_contested", "slip"):
+        shares = ("min_overlap", "min_jaccard", "vote_share", "min_contested", "slip")
+        for share in (*shares, "min_probability"):
             _check(self, share, low=0, high=1)
         _check(self, "radius", low=0)
         _check(self, "vote_resolution", low=0.001)

@@ -136,6 +136,8 @@ def _columns(prefix: str, tracks: TrackTable) -> dict[str, NDArray[Any]]:
     columns = {
         "id": _whole([track.id for track in objects]),
         "existence": tracks.existence.copy(),
+        "spared": tracks.spared.copy(),
+        "misses": tracks.misses.copy(),
         "heights": tracks.shapes.heights.copy(),
         "pending": _whole([track.pending for track in objects]),
         "observations": _whole([buffer.count for buffer in buffers]),
@@ -259,19 +261,21 @@ def _table(
     ends = np.cumsum(arrays["kept"]).tolist()
     if (arrays["kept"] < 0).any() or (ends[-1] if ends else 0) != len(items):
         raise ValueError("the observations do not match the tracks")
-    columns = (ids, facts["names"], shapes, *(arrays[name].tolist() for name in _COLUMNS))
+    none = np.zeros(len(ids), np.int64)  # files of earlier versions do not have them
+    missed = zip(*(arrays.get(key, none).tolist() for key in ("misses", "spared")), strict=True)
+    columns = (ids, facts["names"], shapes, *(arrays[name].tolist() for name in _COLUMNS), missed)
     moved, moved_since, gone_since = (
         _numbers(ids, facts.get(key, ())) for key in ("moved", "moved_since", "gone_since")
     )
     begin = 0
-    for (id_, name, shape, existence, heights, pending, count, times), end in zip(
+    for (id_, name, shape, existence, heights, pending, count, times, lost), end in zip(
         zip(*columns, strict=True), ends, strict=True
     ):
         buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, count, *times)
         track = Track(id_, str(name), buffer, co_occurrences[id_], pending)
         track.moved, track.moved_since = moved.get(id_), moved_since.get(id_)
         track.gone_since = gone_since.get(id_)
-        tracks.add(track, 0, shape, tuple(heights), existence)
+        tracks.add(track, 0, shape, tuple(heights), existence, lost)
         begin = end
     tracks.next_id = max(tracks.next_id, int(facts["next_id"]))
     return tracks

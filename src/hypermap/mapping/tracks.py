@@ -11,7 +11,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import BoolArray
+from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.columns import Column
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
@@ -99,6 +99,8 @@ class TrackTable:
         self.objects: list[Track] = []
         self.shapes = TrackShapes()
         self._existence = Column(np.empty(0))
+        self._spared = Column(np.empty(0))
+        self._misses = Column(np.empty(0, np.int64))
         self._max_existence = max_existence
         self.next_id = 0
 
@@ -108,6 +110,8 @@ class TrackTable:
         other.objects = list(self.objects)
         other.shapes = self.shapes.copy()
         other._existence = self._existence.copy()
+        other._spared = self._spared.copy()
+        other._misses = self._misses.copy()
         other.next_id = self.next_id
         return other
 
@@ -122,6 +126,16 @@ class TrackTable:
         """The existence of each track, float64, shape (N,)."""
         return self._existence.values
 
+    @property
+    def spared(self) -> NDArray[np.float64]:
+        """How much less existence each track would have if every miss cost the same, shape (N,)."""
+        return self._spared.values
+
+    @property
+    def misses(self) -> IntArray:
+        """How often each track was missed, see-throughs apart, int64, shape (N,)."""
+        return self._misses.values
+
     def append(self, name: str, class_: int, evidence: Evidence, max_evidence: int) -> int:
         """Add a track with the shape of some evidence, but without evidence; return its row."""
         track = Track(self.next_id, name, EvidenceBuffer(max_evidence))
@@ -134,10 +148,16 @@ class TrackTable:
         shape: PreparedPolygon,
         heights: tuple[float, float],
         existence: float,
+        missed: tuple[int, float] = (0, 0.0),
     ) -> int:
-        """Add a track whose id is larger than those of all others; return its row."""
+        """Add a track whose id is larger than those of all others; return its row.
+
+        `missed` is what `missed` returns for its row in another table.
+        """
         self.objects.append(track)
         self._existence.append(existence)
+        self._misses.append(missed[0])
+        self._spared.append(missed[1])
         self.next_id = max(self.next_id, track.id + 1)
         return self.shapes.append(class_, shape, heights)
 
@@ -149,11 +169,26 @@ class TrackTable:
             del self.objects[row]
         self.shapes.keep(wanted)
         self._existence.keep(wanted)
+        self._spared.keep(wanted)
+        self._misses.keep(wanted)
 
-    def change_existence(self, row: int, by: float) -> None:
-        """Change a track's existence, capped; rounded so that five times 0.2 is exactly 1."""
-        column = self._existence.values
-        column[row] = round(min(column.item(row) + by, self._max_existence) * 1e9) / 1e9
+    def missed(self, row: int) -> tuple[int, float]:
+        """Return how often a track was missed, and how much existence it was spared."""
+        return self._misses.values.item(row), self._spared.values.item(row)
+
+    def change_existence(self, row: int, by: float, spared: float = 0.0) -> None:
+        """Change a track's existence, capped; rounded so that five times 0.2 is exactly 1.
+
+        Args:
+            row: of the track.
+            by: what is added.
+            spared: by how much more it would fall without an estimate of how often it is found.
+        """
+        existence, without = self._existence.values, self._spared.values
+        was = existence.item(row)
+        rest = _rounded(min(was - without.item(row) + by - spared, self._max_existence))
+        existence[row] = _rounded(min(was + by, self._max_existence))
+        without[row] = existence.item(row) - rest
 
     def rows_of(self, ids: Collection[int]) -> Rows:
         """Return the rows of the tracks with these ids, in ascending order."""
@@ -171,3 +206,7 @@ class TrackTable:
     def excluding(self, rows: Rows, ids: Collection[int]) -> Rows:
         """Return the rows whose tracks have none of these ids."""
         return [row for row in rows if self.objects[row].id not in ids]
+
+
+def _rounded(existence: float) -> float:
+    return round(existence * 1e9) / 1e9

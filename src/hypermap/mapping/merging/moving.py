@@ -49,6 +49,7 @@ def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> T
             shapes[row],
             (low, high),
             float(tracks.existence[row]),
+            tracks.missed(row),
         )
         begin = end
     table.next_id = tracks.next_id

@@ -81,6 +81,7 @@ def join_tracks(
                 second.shapes.polygons[row],
                 tuple(second.shapes.heights[row].tolist()),
                 float(second.existence[row]),
+                second.missed(row),
             )
     _add_co_occurrences(tracks, second, ids, pairs)
     gone = {track.id for track in prune(tracks, config)}
@@ -130,7 +131,9 @@ def _merge_pairs(
         if mine is not None and edit is not None:
             conflicts.add(track.id)
         track.by_hand = mine or edit
-        first.change_existence(row, float(second.existence[other_row]))
+        misses, spared = second.missed(other_row)
+        first.misses[row] += misses
+        first.change_existence(row, float(second.existence[other_row]), spared)
         if track.by_hand is None or track.by_hand.shape is None:
             first.shapes.replace(row, fuse(track.buffer, config))
         elif mine is None:
