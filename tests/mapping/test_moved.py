@@ -86,7 +86,7 @@ def test_since_when_an_object_is_at_its_place_is_saved_and_unknown_in_earlier_fi
     "what",
     [
         {"other_area": LEFT},  # the other place had not been looked at: perhaps it was there
-        {"other": square(3, side=2.5)},
+        {"other": square(3, side=2)},
         {"name": "table"},
         {"top": 0.7},
         {"top": 1.2},
@@ -110,40 +110,6 @@ def test_otherwise_it_is_another_object(what: dict[str, object]) -> None:
     (new,) = (item for number, item in found.items() if number != 0)
     assert "moved" not in new.attributes
     assert new.first_seen == DAY
-
-
-@pytest.mark.parametrize(("beside", "is_moved"), [([], True), ([square(3, 4)], False)])
-def test_the_only_one_of_its_class_may_look_unlike_from_another_side(
-    beside: list[shapely.Polygon], is_moved: bool
-) -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(60):
-        evidence.update(seen(shapely.box(2.9, 0, 3.1, 1.2), *beside, stamp=DAY + second))
-    unlike = min(evidence.objects(), key=lambda item: item.footprint.area)
-    assert ("moved" in unlike.attributes) == is_moved
-
-
-@pytest.mark.parametrize(("x", "ids"), [(-1.9, {0}), (3.0, {1})])
-def test_what_is_moved_a_little_may_show_less_of_its_height(x: float, ids: set[int]) -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(60):
-        evidence.update(seen(square(x), top=0.6, stamp=DAY + second))
-    assert {item.id for item in evidence.objects()} == ids
-
-
-def test_what_was_not_looked_at_was_not_moved_to_two_detections_beside_it() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(2):
-        evidence.update(seen(square(-1.9), area=RIGHT, stamp=DAY + second))
-    assert {item.id for item in evidence.objects()} == {0, 1}
-    evidence.update(seen(square(-1.9), area=RIGHT, stamp=DAY + 2))
-    assert only(evidence).id == 0
 
 
 def test_of_two_equal_objects_that_were_moved_neither_is_sure() -> None:

@@ -26,8 +26,6 @@ from hypermap.mapping.tracks import TrackTable
 GONE = 0.0
 """Existence up to which a track is surely gone, not only uncertain."""
 
-_ALONE = 0.2  # least likeness where no other gone or new object of the class can be meant
-_FEWEST = 3  # observations beside an object that was not looked at, for it to have moved there
 _BEFORE = 1.0  # [s] before an object was first seen; views from then on do not show an empty place
 _VIEWS = 2  # of the empty place
 _COVERED = 0.5  # share of the place that such a view must cover
@@ -59,8 +57,8 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
 
     Among several candidates, those gone since the latest drive come first, and of these the pairs
     with the smallest distances. A track also counts as gone if a new one appeared next to it in a
-    later drive and was seen a few times, because rays that hit one do not show that the other is
-    gone. Tracks edited by hand are never among them.
+    later drive, because rays that hit one do not show that the other is gone. Tracks edited by
+    hand are never among them.
 
     Args:
         tracks: all tracks.
@@ -94,7 +92,7 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
     from scipy.optimize import linear_sum_assignment
 
     alike = _compared(tracks, gone, there, is_near)
-    alike[alike < np.where(_without_rivals(may_be), _ALONE, MAY_BE)] = 0
+    alike[alike < MAY_BE] = 0
     since = [tracks.objects[row].gone_since for row in gone]
     _leave_out_older(alike, np.array([last.max() if one is None else one for one in since]))
     alike[~may_be] = 0
@@ -106,12 +104,6 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
             ids = tracks.objects[gone[i]].id, tracks.objects[there[j]].id
             found.append(Move(*ids, float(alike[i, j] ** 2 / rivals)))
     return found
-
-
-def _without_rivals(may_be: BoolArray) -> BoolArray:
-    """Return which pairs are the only ones of both their tracks, shape (N, M)."""
-    counts = may_be.sum(axis=1, keepdims=True), may_be.sum(axis=0)
-    return np.asarray(may_be & (counts[0] == 1) & (counts[1] == 1))
 
 
 def _began(tracks: TrackTable, row: int) -> float:
@@ -159,21 +151,18 @@ def _possible(
 ) -> BoolArray:
     """Return which pairs `is_near` can be one object, whatever their shapes, shape (N, M).
 
-    The others differ in height, are not gone, or no view shows the new place empty before. What is
-    gone, while another one is next to its place, may differ in height: a chair that was pushed
-    below a table does not show its back.
+    The others differ in height, are not gone, or no view shows the new place empty before.
     """
     possible = np.zeros_like(is_near)
     views: list[Evidence] | None = None
     for j, row in enumerate(there):
         was_empty: bool | None = None
         for i in np.flatnonzero(is_near[:, j]).tolist():
-            is_gone = tracks.existence[gone[i]] <= GONE
-            is_as_high = _may_be_as_high(tracks, gone[i], row)
-            is_seen = is_as_high and tracks.objects[row].buffer.count >= _FEWEST
-            if (is_gone or is_seen) and _takes_place_of(tracks, row, gone[i]):
+            if not _may_be_as_high(tracks, gone[i], row):
+                continue
+            if _takes_place_of(tracks, row, gone[i]):
                 possible[i, j] = True
-            elif is_gone and is_as_high and not _is_known(tracks, row, stamp):
+            elif tracks.existence[gone[i]] <= GONE and not _is_known(tracks, row, stamp):
                 views = _views(tracks) if views is None else views
                 was_empty = _was_without(tracks, row, views) if was_empty is None else was_empty
                 possible[i, j] = was_empty
