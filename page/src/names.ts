@@ -26,8 +26,9 @@ const RELATES = /\s(near|next to|by|in|inside|within|on|under|behind|between|bes
 /** Whether a text is a question in English ("nearest cup", too), and no part of a name. */
 export function isQuestion(names: ClassInfo[], text: string): boolean {
   if (names.some(({ name }) => name.toLowerCase() === text.toLowerCase())) return false;
-  if (text.endsWith("?") || ASKS.test(text)) return true;
-  return (COMPARES.test(text) || RELATES.test(text)) && !matching(names, text).length;
+  if (text.endsWith("?")) return true;
+  const isAsked = [ASKS, COMPARES, RELATES].some((form) => form.test(text));
+  return isAsked && !matching(names, text).length;
 }
 
 const MOST_ALIKE = 20;

@@ -27,7 +27,8 @@ test("the name that was meant is found", () => {
 });
 
 test("a question is told from a name", () => {
-  const things = [...names, { name: "cup in hand", color: "#000000", count: 1 }];
+  const others = ["cup in hand", "can opener"];
+  const things = [...names, ...others.map((name) => ({ name, color: "#000000", count: 1 }))];
   for (const text of [
     "where is the cup",
     "chair?",
@@ -36,7 +37,15 @@ test("a question is told from a name", () => {
     "cups near the sofa",
   ])
     assert.ok(isQuestion(things, text), text);
-  for (const text of ["chair", "where", "coffee machine", "nearest", "cup in", "Cup in hand"])
+  for (const text of [
+    "chair",
+    "where",
+    "coffee machine",
+    "nearest",
+    "cup in",
+    "Cup in hand",
+    "can open",
+  ])
     assert.ok(!isQuestion(things, text), text);
 });
 

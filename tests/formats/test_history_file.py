@@ -93,6 +93,12 @@ def test_one_session_under_a_clock_far_ahead_drops_nothing() -> None:
     assert versions(history_files(long, HistoryPolicy(keep="10d"))) == [21, 22, 23]
 
 
+def test_history_is_dropped_from_a_map_that_changes_once_a_season() -> None:
+    history = History(added=tuple(revision(n, 90 * n * DAY) for n in range(1, 9)))
+    kept = versions(history_files(history, HistoryPolicy(keep="200d")))
+    assert kept == [5, 6, 7, 8]  # 7 is the newest that a later one confirms
+
+
 def office(path: Path) -> Hypermap:
     """Return a map with four versions, each saved after a rename."""
     hypermap = Hypermap(

@@ -77,7 +77,7 @@ def main(folder: Path, count: int, recorders: int) -> None:
         for row in read_list(folder / "groundtruth.txt")
         if first <= float(row[0]) <= last
     ]
-    for start in range(0, len(poses), 4):  # `rosbag record` lets but 100 messages of a topic wait
+    for start in range(0, len(poses), 4):  # `rosbag record` queues 100 messages of a topic
         some = [one for pose in poses[start : start + 4] for one in pose.transforms]
         publishers["/tf"].publish(TFMessage(some))
     for (depth_stamp, depth_name), (color_stamp, color_name) in zip(depths, colors, strict=True):

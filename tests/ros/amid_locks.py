@@ -15,7 +15,7 @@ from typing import Any
 def signals_amid_locks() -> Iterator[None]:
     """Send SIGINT to this thread at each line but the first of an event's methods.
 
-    The first takes the lock. A handler that sets the event wants it, too, and waits for ever.
+    The first takes the lock. A handler that sets the event wants it, too, and waits forever.
     """
 
     def on_call(frame: FrameType, _event: str, _argument: Any) -> Any:

@@ -120,6 +120,18 @@ def test_what_strangers_send_controls_no_terminal(port, capfd):
     assert said == "[WARNING] [/server]: frame 'a\\x1b[31m\\u202e\\udcff\n    [ERROR] forged'\n"
 
 
+def test_an_error_of_a_service_controls_no_terminal(port, client, capfd):
+    def fail(_):
+        raise ValueError("frame 'a\x1b[31m\n[ERROR] forged'")
+
+    port.service("look", "std_srvs/Trigger", fail, lambda _: None)
+    with pytest.raises(ServiceFailed, match="ValueError"):
+        client.call("/server/look", "std_srvs/Trigger")
+    said = capfd.readouterr().err
+    assert "[ERROR] [/server]: /server/look: Traceback" in said
+    assert "ValueError: frame 'a\\x1b[31m\n    [ERROR] forged'\n" in said
+
+
 def test_refused_connections_are_logged_once_of_each_kind_for_a_while(port):
     lines = logged_by("/server")
     plain = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"

@@ -123,14 +123,16 @@ def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]
 def _newest_certain(stamps: Iterable[float]) -> float:
     """Return the newest time that is not likely to be that of a clock far ahead; -inf for none.
 
-    A time long after all others counts once others that are at least a day later confirm it: a
+    A time long after all earlier ones counts once another, at least a day later, confirms it: a
     single session under a wrong clock must not make all that was before it too old.
     """
-    end, newest, first, before = latest_time(), -math.inf, -math.inf, -math.inf
-    for stamp in sorted(stamp for stamp in stamps if stamp <= end):
+    end = latest_time()
+    right = sorted(stamp for stamp in stamps if stamp <= end)
+    newest, first, before = -math.inf, -math.inf, -math.inf
+    for stamp in right:
         if stamp - before > _LONG_PAUSE:
             first = stamp
-        if stamp - first >= _DAY:
+        if right[-1] - first >= _DAY:
             newest = stamp
         before = stamp
     return newest

@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
@@ -226,7 +227,7 @@ class FoxglovePort:
                 self.log("error", f"{full}: {error}")
                 raise
             except Exception:
-                self._logger.exception(full)
+                self.log("error", f"{full}: {traceback.format_exc()}")
                 raise
 
         schema = foxglove.ServiceSchema(
