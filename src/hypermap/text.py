@@ -51,6 +51,15 @@ def escaped(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 
+def decimal(number: float, digits: int = 2) -> str:
+    """Return a number with so many decimals, and no minus before nothing but zeros.
+
+    >>> decimal(-0.0001), decimal(-1.5, 1)
+    ('0.00', '-1.5')
+    """
+    return f"{round(number, digits) + 0.0:.{digits}f}"
+
+
 def fit_for_json(value: Any) -> Any:
     """Return a value with keys that are texts, and null for numbers that are not finite.
 

@@ -4,6 +4,7 @@ import pytest
 import shapely
 
 from hypermap import Hypermap, SemanticLayer, SemanticObject, save_map
+from hypermap.testing import square
 
 from .conftest import assert_one_error
 
@@ -78,6 +79,13 @@ def test_all_objects_at_a_point_are_listed_the_smallest_first(hypermap, tmp_path
         ("cup", 1),
         ("table", 0),
     ]
+
+
+def test_zero_has_no_sign(hypermap, tmp_path):
+    layer = SemanticLayer("semantic", "map", [square("cup", -1e-9, -0.0)])
+    save_map(Hypermap([layer]), tmp_path / "a.hmap")
+    answer = hypermap("query", tmp_path / "a.hmap", "--name", "cup").out
+    assert answer.split()[-5:] == ["semantic", "cup", "0", "0.000", "0.000"]
 
 
 def test_layers_without_a_place_do_not_keep_others_from_answering(hypermap, tmp_path):

@@ -12,6 +12,7 @@ from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.options import AsJson, Force, MapPath, check_output
 from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say, say_json
+from hypermap.text import decimal
 
 if TYPE_CHECKING:
     from hypermap.alignment import Alignment, Bend
@@ -133,7 +134,8 @@ def _tell(found: Alignment, bend: Bend | None, frame_id: str, as_json: bool) -> 
             document |= {"agreement_bent": bend.after, "largest_shift": bend.largest}
         say_json({**document, "objects": found.objects, "certainty": found.certainty})
     else:
-        say(f"x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} degrees")
+        x, y, yaw = decimal(pose.x, 3), decimal(pose.y, 3), decimal(math.degrees(pose.yaw))
+        say(f"x {x} m, y {y} m, yaw {yaw} degrees")
         say(
             f"{found.agreement:.0%} of the walls agree, {found.overlap:.0%} of the smaller map "
             f"overlap, {found.objects} objects fit; the next best place fits "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hypermap.text import printable
+from hypermap.text import decimal, printable
 
 if TYPE_CHECKING:
     from hypermap.core.history import Change
@@ -23,7 +23,7 @@ def place_of(thing: SemanticObject | None) -> str:
     if thing is None:
         return "-"
     center = thing.footprint.centroid
-    return f"{center.x:.2f}, {center.y:.2f}"
+    return f"{decimal(center.x)}, {decimal(center.y)}"
 
 
 def distance_of(change: Change) -> str:

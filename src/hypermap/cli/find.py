@@ -121,7 +121,7 @@ def _described(site: AtSite, found: list[Sighting]) -> dict[str, Any]:
 
 def _show(sites: list[AtSite], count: int) -> None:
     from hypermap.questions.times import time_of
-    from hypermap.text import counted, printable
+    from hypermap.text import counted, decimal, printable
 
     if not sites:
         say("found nowhere")
@@ -136,8 +136,8 @@ def _show(sites: list[AtSite], count: int) -> None:
             str(each.count),
             rooms,
             f"{printable(near.name)} {near.id}",
-            f"{near.x:.2f}",
-            f"{near.y:.2f}",
+            decimal(near.x),
+            decimal(near.y),
             f"{near.distance:.2f}",
             "" if near.last_seen is None else time_of(near.last_seen, short=True),
         )

@@ -20,7 +20,7 @@ from hypermap.cli.robot_options import (
 )
 from hypermap.cli.terminal import out, say, say_json, table
 from hypermap.core.errors import HypermapError
-from hypermap.text import printable
+from hypermap.text import decimal, printable
 
 if TYPE_CHECKING:
     from hypermap.core.frames import Pose2D
@@ -175,8 +175,8 @@ def _show(frontiers: Sequence[Frontier]) -> None:
         x, y = each.place_xy
         shown.add_row(
             str(i),
-            f"{x:.2f}",
-            f"{y:.2f}",
+            decimal(x),
+            decimal(y),
             f"{each.size:.1f}",
             f"{each.gain:.1f}",
             f"{each.distance:.1f}",
@@ -206,4 +206,4 @@ def _show_views(views: Sequence[NextView]) -> None:
 
 
 def _stand(pose: Pose2D) -> tuple[str, str]:
-    return f"{pose.x:.2f},{pose.y:.2f}", f"{math.degrees(pose.yaw):.0f}°"
+    return f"{decimal(pose.x)},{decimal(pose.y)}", f"{math.degrees(pose.yaw):.0f}°"

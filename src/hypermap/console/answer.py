@@ -9,7 +9,7 @@ from typing import Any
 
 from hypermap.console.questions import Answered, Row
 from hypermap.core.hypermap import Hypermap
-from hypermap.text import counted, printable
+from hypermap.text import counted, decimal, printable
 
 _MOST_ROWS = 50
 
@@ -115,4 +115,4 @@ def _text(value: Any) -> str:
 
 def _number(value: object) -> str:
     """Return a number to the millimeter, whole ones as they are."""
-    return f"{value:.3f}" if isinstance(value, float) else "-" if value is None else str(value)
+    return decimal(value, 3) if isinstance(value, float) else "-" if value is None else str(value)

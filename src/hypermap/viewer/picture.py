@@ -172,8 +172,8 @@ def render(
 
 def _outside(area: BaseGeometry, view: tuple[float, float, float, float]) -> str:
     """Say that nothing of what is drawn lies in the area."""
-    x0, y0, x1, y1 = (f"{number:.10g}" for number in np.round([*area.bounds], 2))
-    left, bottom, right, top = (f"{number:.10g}" for number in np.round(view, 2))
+    x0, y0, x1, y1 = (f"{number:.10g}" for number in np.round([*area.bounds], 2) + 0.0)
+    left, bottom, right, top = (f"{number:.10g}" for number in np.round(view, 2) + 0.0)
     return (
         f"there is nothing to draw in {x0},{y0},{x1},{y1}: "
         f"what is drawn lies in {left},{bottom},{right},{top} (X0,Y0,X1,Y1)"
