@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
@@ -19,6 +19,8 @@ from hypermap.cli.terminal import facts, note, out, say, say_json, table
 from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Layer
     from hypermap.core.semantic import SemanticLayer
@@ -173,18 +175,18 @@ def _counts(names: Any) -> dict[str, int]:
     return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
 
+def _layers(layers: Sequence[dict[str, Any]]) -> Table:
+    """Return a table with a row for each layer."""
+    rows = table("layer", "class", "frame", "extent in meters", "content")
+    for layer in layers:
+        names = (printable(layer[key]) for key in ("name", "class", "frame_id"))
+        rows.add_row(*names, _extent(layer["extent"]), _content(layer))
+    return rows
+
+
 def show_map(content: dict[str, Any], with_settings: bool) -> None:
     """Print a map as text."""
-    rows = table("layer", "class", "frame", "extent in meters", "content")
-    for layer in content["layers"]:
-        rows.add_row(
-            printable(layer["name"]),
-            printable(layer["class"]),
-            printable(layer["frame_id"]),
-            _extent(layer["extent"]),
-            _content(layer),
-        )
-    out().print(rows)
+    out().print(_layers(content["layers"]))
     for layer in content["layers"]:
         if layer.get("names"):
             counts = [f"{count} {printable(name)}" for name, count in layer["names"].items()]

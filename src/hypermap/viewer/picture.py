@@ -170,16 +170,6 @@ def render(
     write_file(path, draw(drawing, path.suffix[1:].lower(), size))
 
 
-def _outside(area: BaseGeometry, view: tuple[float, float, float, float]) -> str:
-    """Say that nothing of what is drawn lies in the area."""
-    x0, y0, x1, y1 = (f"{number:.10g}" for number in np.round([*area.bounds], 2) + 0.0)
-    left, bottom, right, top = (f"{number:.10g}" for number in np.round(view, 2) + 0.0)
-    return (
-        f"there is nothing to draw in {x0},{y0},{x1},{y1}: "
-        f"what is drawn lies in {left},{bottom},{right},{top} (X0,Y0,X1,Y1)"
-    )
-
-
 def check_suffix(path: Path) -> None:
     """Raise a HypermapError if a picture cannot be saved under that name."""
     if path.suffix.lower() not in SUFFIXES:
@@ -220,9 +210,7 @@ def compose(
     if not np.isfinite(view).all() or is_empty:
         raise HypermapError("there is nothing to draw: the layers are empty or have no picture")
     if area is not None:
-        if not area.envelope.intersects(shapely.box(*view)):
-            raise HypermapError(_outside(area, view))
-        view = area.bounds
+        view = _within(area, view)
     subtitle = f"{_objects(shapes)}frame {hypermap.base_frame}"
     if frontiers:
         shapes.append(borders)
@@ -352,6 +340,21 @@ def _view(
     xmin, ymin = points.min(axis=0)
     xmax, ymax = points.max(axis=0)
     return (float(xmin), float(ymin), float(xmax), float(ymax))
+
+
+def _within(
+    area: BaseGeometry, known: tuple[float, float, float, float]
+) -> tuple[float, float, float, float]:
+    """Return the box of an area to draw, in which something must lie."""
+    if area.envelope.intersects(shapely.box(*known)):
+        return area.bounds
+    asked, drawn = (
+        ",".join(f"{number:.10g}" for number in np.round(box, 2) + 0.0)
+        for box in (area.bounds, known)
+    )
+    raise HypermapError(
+        f"there is nothing to draw in {asked}: what is drawn lies in {drawn} (X0,Y0,X1,Y1)"
+    )
 
 
 def _known_corners(picture: RasterPicture, full: bool) -> NDArray[np.float64]:
