@@ -21,6 +21,8 @@ from ..recordings.bag_builder import IMAGE, BagBuilder, add_images, add_poses, i
 from ..recordings.shots import make_shots
 from .conftest import Result, assert_one_error
 
+FULL = "No space left on device; free space there, or save elsewhere"
+
 
 def everything_in(folder: Path) -> dict[str, bytes | None]:
     return {
@@ -192,8 +194,8 @@ def run(shell_line: str, room_map: Path) -> subprocess.CompletedProcess[str]:
         ("{hypermap} query {map} --at 0,0 --json >&-", 0, ""),
         ("{hypermap} info gone.hmap 2>&-", 2, ""),
         ("{hypermap} shell {map} <&-", 0, ""),
-        ("{hypermap} info {map} >/dev/full", 2, "hypermap: error: No space left on device\n"),
-        ("{hypermap} --help >/dev/full", 2, "hypermap: error: No space left on device\n"),
+        ("{hypermap} info {map} >/dev/full", 2, f"hypermap: error: {FULL}\n"),
+        ("{hypermap} --help >/dev/full", 2, f"hypermap: error: {FULL}\n"),
         ("{hypermap} info gone.hmap 2>/dev/full", 2, ""),
         ("{hypermap} info {map} | true", 0, ""),
     ],

@@ -226,6 +226,15 @@ def test_exported_files_have_the_names_that_people_know(tmp_path: Path):
     assert written[1].read_bytes() == b"of another"
 
 
+def test_a_folder_for_which_there_is_no_room_is_named(tmp_path: Path, monkeypatch):
+    def full(self: Path, **_: bool) -> None:
+        raise OSError(28, "No space left on device", str(self))
+
+    monkeypatch.setattr(Path, "mkdir", full)
+    with pytest.raises(HypermapError, match=r"out: cannot be created: No space .*; free space"):
+        export_files([], tmp_path / "out")
+
+
 def test_old_readers_keep_the_notes_byte_for_byte(saved: Path, tmp_path: Path, monkeypatch):
     monkeypatch.setattr("hypermap.formats.hmap.plugin_for", lambda name: _old_plugin(name))
     old = open_map(saved)

@@ -116,7 +116,9 @@ def describe(error: HypermapError | OSError) -> str:
         return str(error)
     if error.errno == errno.ENOENT and error.filename is None:  # what `getcwd` raises
         return f"the current folder: {error.strerror}; was it deleted? change to another"
-    return ": ".join(str(part) for part in (error.filename, error.strerror) if part)
+    from hypermap.formats.atomic import why_not_written
+
+    return ": ".join(str(part) for part in (error.filename, why_not_written(error)) if part)
 
 
 def say_json(value: Any) -> None:

@@ -10,7 +10,7 @@ from hypermap.console.questions import Row
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats.atomic import write_files
+from hypermap.formats.atomic import make_folder, write_files
 
 
 def write_pictures(hypermap: Hypermap, rows: Sequence[Row], folder: Path) -> int:
@@ -42,9 +42,6 @@ def write_pictures(hypermap: Hypermap, rows: Sequence[Row], folder: Path) -> int
             files[name] = picture.jpeg
             row["pictures"].append(str(folder / name))
     if files:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise HypermapError(f"{folder}: cannot be created: {error.strerror}") from None
+        make_folder(folder)
         write_files(folder, files)
     return len(files)

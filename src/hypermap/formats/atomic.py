@@ -64,6 +64,22 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
     _write_files(folder, files)
 
 
+def make_folder(folder: Path, *, parents: bool = True) -> None:
+    """Create a folder, unless it exists.
+
+    Args:
+        folder: the folder.
+        parents: whether to create those that it is in, too.
+
+    Raises:
+        HypermapError: If it cannot be created.
+    """
+    try:
+        folder.mkdir(parents=parents, exist_ok=True)
+    except OSError as error:
+        raise HypermapError(f"{folder}: cannot be created: {why_not_written(error)}") from error
+
+
 def why_not_written(error: OSError) -> str:
     """Return what the system says, and what to do where there is no room."""
     remedy = _REMEDIES.get(error.errno or 0)

@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.notes import Attachment, Note
-from hypermap.formats.atomic import file_beside, refuse_link_out
+from hypermap.formats.atomic import file_beside, make_folder, refuse_link_out
 
 logger = logging.getLogger(__name__)
 
@@ -52,10 +52,7 @@ def put_beside(folder: Path, files: Iterable[Attachment]) -> None:
         if not each.is_there and is_kept(each):
             logger.warning("%s is missing: the attached file %r", each.content, each.name)
             continue
-        try:
-            folder.mkdir(exist_ok=True)
-        except OSError as error:
-            raise HypermapError(f"{folder}: cannot be created: {error.strerror}") from error
+        make_folder(folder, parents=False)
         refuse_link_out(target, folder)
         copy_to(target, each)
 
@@ -111,10 +108,7 @@ def export_files(notes: Iterable[Note], folder: Path) -> list[Path]:
     Raises:
         HypermapError: If a file cannot be written, or is there already with another content.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise HypermapError(f"{folder}: cannot be created: {error.strerror}") from error
+    make_folder(folder)
     written: list[Path] = []
     for note in notes:
         for name, each in zip(_names(note), note.attachments, strict=True):
