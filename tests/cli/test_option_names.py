@@ -31,7 +31,7 @@ def options(module: str) -> Iterator[tuple[list[str], Any, OptionInfo]]:
     for parameter in signature.parameters.values():
         if get_origin(parameter.annotation) is Annotated:
             kind, declared = get_args(parameter.annotation)
-            if isinstance(declared, OptionInfo):
+            if isinstance(declared, OptionInfo) and not declared.hidden:
                 own = f"--{parameter.name.replace('_', '-')}"
                 # Typer takes the first of the names for a default until it builds the command.
                 names = [declared.default, *(declared.param_decls or ())]
