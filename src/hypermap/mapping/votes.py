@@ -232,7 +232,7 @@ def _hull_of_votes(
     _add_steps(edges, first, weights, moves, 1.0, place, steps[0])
     _add_steps(area_edges, area_first, weights, moves, 0.0, place, steps[1])
     height = steps.shape[1]
-    begin = count = np.int64(0)  # `_with_corner` would be compiled once more for a constant
+    begin = count = int(np.int64(0))  # `_with_corner` would be compiled once more for a constant
     for row in range(height):  # up the left side
         left, ends[row] = _accepted(steps, row, votes)
         if left >= 0:
