@@ -16,13 +16,16 @@ from hypothesis import strategies as st
 
 from hypermap import (
     GridGeometry,
+    Hypermap,
     HypermapError,
     SemanticLayer,
+    SemanticObject,
     ValueLayer,
     open_map,
     save_map,
 )
 from hypermap.agents import Picture, Tool, tools_for
+from hypermap.agents.shown import object_rows
 from hypermap.agents.tools import MOST_BYTES, bounded
 from hypermap.notes import notes_layer
 
@@ -85,6 +88,15 @@ def test_an_object_is_reported_with_place_room_probability_and_time(call: Call) 
         "probability": 0.731,  # 1 / (1 + exp(-1))
         "last_seen": "2026-11-23T02:00:00+00:00",
     }
+
+
+def test_the_probability_of_an_object_is_its_confidence() -> None:
+    cup = SemanticObject(
+        "cup", shapely.box(0, 0, 1, 1), tags=("cup", "bowl"), confidence=(0.4, 0.1), existence=3.0
+    )
+    hypermap = Hypermap([SemanticLayer("semantic", "map", [cup])])
+    (row,) = object_rows(hypermap, hypermap.objects_at((0.5, 0.5)))
+    assert row["probability"] == 0.4
 
 
 def test_the_nearest_cup_by_path_is_not_the_one_behind_the_wall(call: Call) -> None:

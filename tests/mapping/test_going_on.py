@@ -212,6 +212,15 @@ def _of_the_future(hypermap: Hypermap) -> Hypermap:
     return hypermap
 
 
+@pytest.mark.parametrize("name", ["default", "thesis"])
+def test_settings_that_an_earlier_version_did_not_know_are_those_of_the_profile(name: str) -> None:
+    hypermap = Mapper(profile(name), SOURCE).hypermap()
+    for key in ("detection_rate", "min_probability"):
+        del hypermap.metadata["config"]["evidence"][key]
+    assert Mapper.onto(hypermap, SOURCE).config == profile(name)
+    assert Mapper.onto(hypermap, SOURCE, profile(name)).config == profile(name)
+
+
 @pytest.mark.parametrize(
     ("spoil", "options", "message"),
     [

@@ -30,8 +30,8 @@ class SemanticObject:
             outline may cross itself, as in some old files.
         id: stable identifier, 0 .. 2147483647; None lets the layer assign the next free one.
         tags: other names for it, most likely first.
-        confidence: one number per tag.
-        existence: how surely it exists (the log-odds from mapping), if known.
+        confidence: one number per tag; from mapping, the probability that there is such an object.
+        existence: how much evidence there is for it (the score from mapping), if known.
         first_seen: stamp [s], if known.
         last_seen: stamp [s], if known.
         attributes: any others, of types that YAML has.

@@ -58,6 +58,25 @@ def profile(name: str) -> MappingConfig:
     return _PROFILES[name]
 
 
+def profile_like(values: Mapping[str, Any]) -> MappingConfig:
+    """Return the profile that has the most of some values, such as those saved in a map.
+
+    Args:
+        values: by stage and key, as from `to_dict`; of an earlier version, some are missing.
+    """
+
+    def shared(config: MappingConfig) -> int:
+        own = to_dict(config)
+        return sum(
+            key in own.get(stage, ()) and own[stage][key] == value
+            for stage, found in values.items()
+            if isinstance(found, Mapping)
+            for key, value in found.items()
+        )
+
+    return max(_PROFILES.values(), key=shared)
+
+
 def load_config(path: str | Path, base: MappingConfig | None = None) -> MappingConfig:
     """Return a configuration with the values that a YAML file overrides.
 

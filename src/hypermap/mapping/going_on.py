@@ -12,7 +12,7 @@ from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.backup import BY_HAND
 from hypermap.mapping.by_hand import HandEdit, hand_edits, ids_by_edit, marked
-from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.config import MappingConfig, profile_like, to_dict
 from hypermap.mapping.mapper_state import MapperState, parse_published, parse_state
 from hypermap.mapping.overrides import override
 
@@ -27,7 +27,8 @@ class CannotGoOn(HypermapError):
 def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None) -> MappingConfig:
     """Return the configuration of a map, after checking that mapping can continue it.
 
-    Whether pictures are kept, and whether poses are corrected by the map, may change.
+    Whether pictures are kept, and whether poses are corrected by the map, may change. Settings that
+    the version that made the map did not know are those of its profile.
 
     Args:
         hypermap: the map.
@@ -40,7 +41,7 @@ def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None)
     if not isinstance(values, Mapping):
         raise CannotGoOn("this map was not made by mapping, so mapping cannot continue it")
     try:
-        config = override(MappingConfig(), values)
+        config = override(profile_like(values), values)
     except FormatError as error:
         raise CannotGoOn(f"this map was made by another version: config: {error}") from error
     if asked is not None:

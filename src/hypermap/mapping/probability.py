@@ -33,4 +33,4 @@ def probability(existence: float, buffer: EvidenceBuffer, shape: PreparedPolygon
         return 0.0
     log_odds = _OFFSET + _EXISTENCE * math.log(existence) + _AGREEMENT * buffer.agreement(shape)
     log_odds += _ANGLE * min(buffer.angle() / _WIDEST, 1.0)
-    return 1 / (1 + math.exp(-log_odds))
+    return 0.5 * (1 + math.tanh(log_odds / 2))  # the logistic function, which may not overflow

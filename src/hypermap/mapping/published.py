@@ -167,7 +167,7 @@ class PublishedTracks:
         return found if edit is None else edit.applied_to(found)
 
     def _confidence(self, row: int) -> float:
-        """Return the confidence of a track, 0..1: a probability by its existence, or the score."""
+        """Return the confidence of a track, 0..1: its probability, or the mean score."""
         buffer = self.tracks.objects[row].buffer
         if self.config.confidence == "score":
             return buffer.score_sum / buffer.count

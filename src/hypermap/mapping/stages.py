@@ -127,11 +127,12 @@ class EvidenceConfig:
             classes are one, whose class is decided; 1 turns this off.
         max_range: distance from the camera up to which an object can be missed [m].
         max_existence: existence never grows above this.
-        confidence: of an object: "existence", the probability that it exists, from its existence;
+        confidence: of an object: "existence", the probability that it exists (see `probability`);
             "score", the mean score of its detections.
         publish_above: objects with more existence than this are in the map.
-        min_probability: objects that are less probable than this are not in the map; 0 turns it
-            off.
+        min_probability: objects that are less probable than this, 0..1, are not in the map; 0 turns
+            it off. Those that only an estimated detection rate keeps need at least 0.5; those with
+            an existence above 10 need none.
         forget_below: tracks with less existence than this are pruned.
     """
 
