@@ -134,3 +134,16 @@ def test_published_shapes_agree_and_those_in_between_do_not_wait_for_it() -> Non
     between, final = landmarks.layer(is_final=False), landmarks.layer()
     assert [item.footprint for item in between] == [item.footprint for item in plain.objects()]
     assert [item.footprint for item in final] == [item.footprint for item in landmarks.objects()]
+
+
+def test_a_cup_that_two_tracks_show_is_published_once_where_frames_agree() -> None:
+    errors = np.zeros((12, 3))
+    errors[:6, 0], errors[6:, 0] = -0.05, 0.05
+    config = dataclasses.replace(profile("default").evidence, align=0.0, class_sizes="any")
+    landmarks = EvidenceMap(config)
+    plain = EvidenceMap(dataclasses.replace(config, landmarks=False))
+    for observation in observations(errors, cup_in=range(12)):
+        landmarks.update(observation)
+        plain.update(observation)
+    for evidence, cups in ((plain, 2), (landmarks, 1)):
+        assert [item.name for item in evidence.objects()].count("thing 0") == cups
