@@ -38,7 +38,9 @@ def loop(*, allocates: bool = False, **options: Any) -> Callable[[Function], Fun
     Args:
         allocates: whether it makes arrays, returns any, or calls a loop that does; otherwise their
             memory is never given back. Others are called with arrays to fill.
-        options: of numba.
+        options: of numba. One with `fastmath` that others call takes `forceinline`, too: otherwise
+            the process that compiles it runs another copy of it than those that load it, and rounds
+            differently.
     """
     options |= _OPTIONS | {"_nrt": allocates}  # "NumPy runtime", numba's name for that count
     decorate: Any = njit(**options)

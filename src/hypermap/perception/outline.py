@@ -168,7 +168,7 @@ def _put_on_floor(points, to_floor, x, y):  # type: ignore[no-untyped-def]
         y[i] = to_floor[1, 0] * px + to_floor[1, 1] * py + to_floor[1, 2] * pz
 
 
-@loop(fastmath={"contract"})
+@loop(fastmath={"contract"}, forceinline=True)
 def _measure(x, y, edges, distances):  # type: ignore[no-untyped-def]
     """Fill in how far points are outside the edge that they are farthest from, shape (N,)."""
     for i in range(uint64(len(x))):

@@ -126,7 +126,7 @@ def _covariances(
     return covariances
 
 
-@loop(fastmath=_VECTORS)
+@loop(fastmath=_VECTORS, forceinline=True)
 def _sums(x, y, z, stride, place, chunks, blocks, radius2):  # type: ignore[no-untyped-def]
     """Return the sums of 1, x, y, z, xx, xy, xz, yy, yz, zz over a window's points in a radius.
 

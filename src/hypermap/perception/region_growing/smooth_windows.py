@@ -104,7 +104,7 @@ def _copy(found, out, start):  # type: ignore[no-untyped-def]
         out[start + i] = found[i]
 
 
-@loop(fastmath=_VECTORS)
+@loop(fastmath=_VECTORS, forceinline=True)
 def _sum_columns(z, middle, first, stride, half, columns):  # type: ignore[no-untyped-def]
     """Sum up z, v z and zz over the columns of windows, with v and z relative to the middle.
 
@@ -131,7 +131,7 @@ def _sum_columns(z, middle, first, stride, half, columns):  # type: ignore[no-un
         columns[i + _TWO * _WIDTH] = sum_zz
 
 
-@loop(fastmath=_VECTORS)
+@loop(fastmath=_VECTORS, forceinline=True)
 def _sum_windows(columns, half, sums):  # type: ignore[no-untyped-def]
     """Sum up z, u z, v z and zz over the windows around a block, with u from the middle.
 
@@ -156,7 +156,7 @@ def _sum_windows(columns, half, sums):  # type: ignore[no-untyped-def]
         sums[i + _THREE * _BLOCK] = sum_zz
 
 
-@loop(fastmath=_VECTORS)
+@loop(fastmath=_VECTORS, forceinline=True)
 def _fit_windows(x, y, z, start, k, half, fx, fy, middle, sums, found, is_rough):  # type: ignore[no-untyped-def]
     """Fit planes z = a u + b v + c to the square windows around a block of pixels.
 
