@@ -151,6 +151,17 @@ def test_what_stops_showing_waits_for_what_is_being_shown_and_may_start_again(mo
     current.show_no_more()
 
 
+def test_who_is_interrupted_before_the_map_is_shown_can_end(monkeypatch):
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    current = CurrentMap(Notes())
+    monkeypatch.setattr(threading.Thread, "start", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        current.show_on([Shown()])
+    current.show_no_more()
+
+
 def test_a_part_with_a_bug_does_not_end_the_showing_of_changes():
     port, good = Notes(), Shown()
     current = CurrentMap(port)

@@ -138,7 +138,7 @@ class CurrentMap:
         with self._writing:
             thread, self._thread = self._thread, None
             self._writing.notify_all()
-        if thread is not None:
+        if thread is not None and thread.is_alive():  # a signal may come before it has started
             thread.join(_PATIENCE)
 
     def show_again(self) -> None:

@@ -52,7 +52,7 @@ class TerminalConsole:
         """Leave the terminal as it was before."""
         if self._prompt is not None:
             self._prompt.close()
-            if threading.current_thread() is not self._thread:
+            if self._thread.is_alive() and threading.current_thread() is not self._thread:
                 self._thread.join(_PATIENCE)
 
     def _run(self) -> None:
