@@ -38,6 +38,8 @@ from campaign.ways_to_save import ways, write_sources
 FAULTS: tuple[Fault, ...] = ("kill", "EIO", "vanish", "sweep")
 RANDOM_KILLS = 300
 _DISK_SIZES = (0, 1, 100, 1000, 4000)  # bytes
+_TAKES = ("vanish", "sweep")  # faults that take files away
+_OLDER = b"an older backup"
 NOTHING: frozenset[str] = frozenset()
 _SHORT = ("archive", "folder", "the page")
 _SHORT_STEP = 7  # of the operations, in the short form, one in so many
@@ -78,6 +80,9 @@ class Trial:
         for outcome in (old, saved, new):
             if outcome.error or outcome.signal:
                 raise RuntimeError(f"{self.way.name}: {outcome}")
+        for backup in self.folder.glob("*.bak*"):
+            if backup.is_file() and not (older := self.place / "old" / backup.name).exists():
+                older.write_bytes(_OLDER)
         self.versions = old.value, new.value
         assert old.value != new.value, f"{self.way.name}: both versions look alike"
         self.names, self.operations = _names(self.folder), saved.operations
@@ -85,6 +90,14 @@ class Trial:
     def again(self) -> None:
         """Put the old there."""
         fresh(self.folder, self.place / "old")
+
+    def _lost(self) -> list[str]:
+        """Return the names of older backups that are not as they were."""
+        return [
+            older.name
+            for older in (self.place / "old").glob("*.bak*")
+            if older.is_file() and (self.folder / older.name).read_bytes() != older.read_bytes()
+        ]
 
     def check(self, outcome: Outcome, fault: str = "", links: frozenset[str] = NOTHING) -> str:
         """Return what is wrong after a save to which something happened; empty if nothing is."""
@@ -100,6 +113,9 @@ class Trial:
             return "is neither the old nor the new"
         if is_done and not found.error and found.value != self.versions[1]:
             return "is not the new, though it was said to be saved"
+        has_failed = outcome.error and fault not in _TAKES and found.value == self.versions[0]
+        if has_failed and (lost := self._lost()):
+            return f"replaced {', '.join(lost)}, though it failed"
         then = in_a_process(partial(_save_and_read, self.way, self.folder, 1))
         if then.error or then.value != self.versions[1]:
             return f"cannot be saved again: {then.error or 'another version is there'}"

@@ -19,7 +19,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import limits, open_map, save_map
-from hypermap.formats.backup import keep_backup
+from hypermap.formats.backup import save_with_backup
 from hypermap.formats.config import CONFIG_NAME
 from hypermap.formats.semantic import yaml_files as semantic_yaml
 from hypermap.formats.yaml_text import read_yaml
@@ -330,9 +330,10 @@ def test_a_folder_holds_all_of_one_save_however_often_saves_are_killed(tmp_path:
         save_map(old, folder)
         if not killed_at(rename, SAVE_MAP, str(other), str(folder)):
             break
-        kept = keep_backup(folder / CONFIG_NAME)  # as the next program does that saves there
+        there = new if rename else old
+        kept = save_with_backup(there, folder / CONFIG_NAME)  # as the next program does there
         assert kept is not None
-        expected = map_facts(new if rename else old)
+        expected = map_facts(there)
         assert map_facts(open_map(kept)) == expected
         assert map_facts(open_map(folder)) == expected
     assert rename == 5  # the journal, a grid of two files, the objects, the configuration
@@ -346,7 +347,7 @@ def test_a_backup_is_not_written_through_a_link_that_came_with_the_map(tmp_path:
     with pytest.raises(
         HypermapError, match=r"nothing is saved: .*\.bak: .* leads out of the folder"
     ):
-        keep_backup(path)
+        save_with_backup(small_map(), path)
     assert not (tmp_path / "profile").exists()
 
 

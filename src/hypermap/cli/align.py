@@ -10,7 +10,7 @@ import typer
 
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.options import AsJson, Force, MapPath, check_output
-from hypermap.cli.saving import save_from
+from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.text import decimal
 
@@ -89,7 +89,7 @@ def command(
     from hypermap.core.errors import HypermapError
     from hypermap.core.history import MAP_ID
     from hypermap.formats import open_map
-    from hypermap.formats.backup import ALIGNED_TO, keep_backup
+    from hypermap.formats.backup import ALIGNED_TO
     from hypermap.mapping.bent_map import bent_onto
     from hypermap.questions.asking import parse_pose
 
@@ -114,8 +114,7 @@ def command(
             moved = in_frame_of(first, second, pose, new_frame)
             if MAP_ID in first.metadata:
                 moved.metadata[ALIGNED_TO] = first.metadata[MAP_ID]
-        backup = keep_backup(output, spare_edited=True)
-        save_from(moved, other, output)
+        backup = replace_from(moved, other, output)
     _tell(found, bend, first.base_frame, as_json)
     if backup is not None:
         note(f"the previous map is kept as {backup}")

@@ -73,8 +73,7 @@ def command(
         hypermap connect ground.hmap 7,1 upper.hmap 7,4 --kind stairs --floor 0 --other-floor 1
     """
     from hypermap.console.places import parse_point
-    from hypermap.formats import save_map
-    from hypermap.formats.backup import keep_backup
+    from hypermap.formats.backup import save_with_backup
     from hypermap.formats.locks import turn_to_edit
 
     here, far = parse_point(at, "MAP"), parse_point(there, "OTHER")
@@ -91,8 +90,7 @@ def command(
             other: _connected(other, far, path, here, kind, name, length, other_floor),
         }
         for file, hypermap in connected.items():
-            keep_backup(file)
-            save_map(hypermap, file)
+            save_with_backup(hypermap, file)
             note(f"saved {file}")
 
 

@@ -53,7 +53,7 @@ def command(
         hypermap demo --noisy
     """
     from hypermap.formats import save_map
-    from hypermap.formats.backup import keep_backup
+    from hypermap.formats.backup import save_with_backup
     from hypermap.simulation import (
         SimulatedRecording,
         demo_world,
@@ -78,8 +78,8 @@ def command(
     with watching(view, "simulated room", map_file, len(recording), port, browser) as watched:
         note(f"driving through a simulated room with {len(world.objects)} objects ...")
         hypermap, truth = _map(recording, watched), ground_truth(world)
-        keep_backup(map_file, spare_edited=True)  # which someone may have tried to edit
-        save_map(hypermap, map_file)
+        # Someone may have tried to edit the older one.
+        save_with_backup(hypermap, map_file, spare_edited=True)
         save_map(truth, truth_file)
         render(hypermap, picture, title="A simulated room, mapped")
         _show_comparison(hypermap, truth)

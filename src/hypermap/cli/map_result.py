@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hypermap.cli.onto import is_same_file
-from hypermap.cli.saving import save_from
+from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note
 from hypermap.text import counted, printable
 
@@ -20,12 +20,9 @@ if TYPE_CHECKING:
 
 def save_result(hypermap: Hypermap, output: Path, evidence: bool, onto: Path | None) -> None:
     """Save the map, without its evidence if the user drops it, and keep what it replaces."""
-    from hypermap.formats.backup import keep_backup
-
     if not evidence:
         _drop_evidence(hypermap)
-    backup = keep_backup(output, spare_edited=True)
-    save_from(hypermap, onto, output)
+    backup = replace_from(hypermap, onto, output)
     if backup is not None:
         note(f"the previous map is kept as {backup}" + _hint_onto(backup, output, onto))
 

@@ -11,7 +11,7 @@ import typer
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.onto import is_same_file, named
 from hypermap.cli.options import AsJson, ForceMap, MapPath, check_map_output
-from hypermap.cli.saving import save_from
+from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.two_maps import SameFrame, pose_on
 from hypermap.core.errors import FrameError, HypermapError
@@ -68,7 +68,6 @@ def command(
         hypermap merge monday.hmap tuesday.hmap --initial 2,-1,90 -o week.hmap
     """
     from hypermap.formats import open_map
-    from hypermap.formats.backup import keep_backup
     from hypermap.questions.asking import parse_pose
 
     if initial is not None and (same_frame or len(others) > 1):
@@ -87,8 +86,7 @@ def command(
         rows.append(_described(merged, pose, other))
         if not as_json:
             _show(merged, pose, other)
-    backup = keep_backup(output, spare_edited=True)
-    save_from(hypermap, path, output)
+    backup = replace_from(hypermap, path, output)
     if backup is not None:
         note(f"the previous map is kept as {backup}")
     if as_json:

@@ -56,8 +56,7 @@ def command(
     """
     from hypermap.fleet.store.database import Database
     from hypermap.fleet.store.pushing import pull
-    from hypermap.formats import save_map
-    from hypermap.formats.backup import keep_backup
+    from hypermap.formats.backup import save_with_backup
 
     address, name = address_with_site(store, site)
     if follow and (version or address.version):
@@ -66,8 +65,7 @@ def command(
     database = Database(address)
     hypermap = pull(database, name, version or address.version)
     database.close()
-    backup = keep_backup(output, spare_edited=True)
-    save_map(hypermap, output)
+    backup = save_with_backup(hypermap, output, spare_edited=True)
     if backup is not None:
         note(f"the previous map is kept as {backup}")
     note(f"saved {output}")

@@ -28,6 +28,20 @@ def save_from(
         HypermapError: If it cannot be saved.
     """
     from hypermap.formats import save_map
+
+    _relink(hypermap, source, output)
+    save_map(hypermap, output, semantic)
+
+
+def replace_from(hypermap: Hypermap, source: Path | None, output: Path) -> Path | None:
+    """Do what `save_from` does, and return the copy that is kept of an older map, if it is."""
+    from hypermap.formats.backup import save_with_backup
+
+    _relink(hypermap, source, output)
+    return save_with_backup(hypermap, output, spare_edited=True)
+
+
+def _relink(hypermap: Hypermap, source: Path | None, output: Path) -> None:
     from hypermap.formats.config import file_of_map
 
     has_links = bool(hypermap.metadata.get("connectors"))  # else, save the time of the import
@@ -36,4 +50,3 @@ def save_from(
 
         with contextlib.suppress(HypermapError):  # unreadable ones stay as they are
             relink(hypermap, file_of_map(source), file_of_map(output))
-    save_map(hypermap, output, semantic)

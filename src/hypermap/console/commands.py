@@ -25,8 +25,8 @@ from hypermap.console.options import help_text, parse
 from hypermap.console.questions import answered
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import Hypermap
-from hypermap.formats import open_map, save_map
-from hypermap.formats.backup import keep_backup
+from hypermap.formats import open_map
+from hypermap.formats.backup import save_with_backup
 from hypermap.questions.asking import answer_to, parse_pose
 from hypermap.text import fit_for_json
 
@@ -127,8 +127,7 @@ class Console:
         path = _path(arguments[0])
         if path.suffix.lower() in (".yaml", ".yml") or path.is_dir():
             raise HypermapError(f"{path}: save writes an archive; give a name that ends in .hmap")
-        keep_backup(path)
-        save_map(self.hypermap, path)
+        save_with_backup(self.hypermap, path)
         return f"saved {len(self.hypermap.layers)} layers to {arguments[0]}"
 
     def _get_string(self, arguments: list[str]) -> str:

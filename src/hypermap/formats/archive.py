@@ -15,7 +15,7 @@ from typing import BinaryIO
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.formats import limits
-from hypermap.formats.atomic import write_file
+from hypermap.formats.atomic import Before, nothing_before, write_file
 from hypermap.formats.store import MemoryStore, open_file, safe_name
 
 EXPENDABLE = "history."
@@ -70,13 +70,11 @@ def _files_in(file: BinaryIO, path: Path) -> MemoryStore:
         raise FormatError(f"is not an intact zip archive: {reason}", path=path) from error
 
 
-def write_archive(path: str | Path, files: Mapping[str, bytes]) -> None:
-    """Write a zip archive; the same files give the same bytes each time.
+def packed_archive(files: Mapping[str, bytes], path: str | Path) -> bytes:
+    """Return a zip archive; the same files give the same bytes each time.
 
     Raises:
-        FileMissing: If the folder does not exist.
-        HypermapError: If it cannot be written or would be too large to read again; the old
-            file then remains.
+        HypermapError: If it would be too large to read again; the message names the path.
     """
     total = sum(map(len, files.values()))
     largest = max(map(len, files.values()), default=0)
@@ -89,7 +87,20 @@ def write_archive(path: str | Path, files: Mapping[str, bytes]) -> None:
     bombs = {info.filename for info in members if _is_bomb(info)}
     if bombs:  # reading would take them for bombs
         packed, _ = _pack(files, stored | bombs)
-    write_file(path, packed)
+    return packed
+
+
+def write_archive(
+    path: str | Path, files: Mapping[str, bytes], before: Before = nothing_before
+) -> None:
+    """Write a zip archive, as `packed_archive` returns it.
+
+    Raises:
+        FileMissing: If the folder does not exist.
+        HypermapError: If it cannot be written or would be too large to read again; the old
+            file then remains.
+    """
+    write_file(path, packed_archive(files, path), before)
 
 
 # Errors of zipfile and zlib for damaged archives, found by experiment

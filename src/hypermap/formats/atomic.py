@@ -8,7 +8,7 @@ import os
 import re
 import secrets
 import stat
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,8 +32,18 @@ _REMEDIES = {
 }
 _PART = re.compile(r"\.hypermap-[0-9a-f]{16}\.part(\.\w+)?")
 
+Undo = Callable[[], None]
+Before = Callable[[], Undo]
+"""What is done once the new content is on the disk, just before it replaces the old; what it
+returns is called if the old stays after all."""
 
-def write_file(path: str | Path, content: bytes) -> None:
+
+def nothing_before() -> Undo:
+    """Do nothing, which needs no undoing."""
+    return lambda: None
+
+
+def write_file(path: str | Path, content: bytes, before: Before = nothing_before) -> None:
     """Write a file so that at any moment either the old or the new content is there.
 
     Raises:
@@ -41,10 +51,12 @@ def write_file(path: str | Path, content: bytes) -> None:
         HypermapError: If it cannot be written; the old file then remains.
     """
     target = Path(path)
-    _write_files(target.parent, {target.name: content})
+    _write_files(target.parent, {target.name: content}, before)
 
 
-def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
+def write_files(
+    folder: str | Path, files: Mapping[str, bytes], before: Before = nothing_before
+) -> None:
     """Write several files of a folder: replace all, in order, or none.
 
     All contents are on the disk before the first file is replaced, so a full disk changes
@@ -54,6 +66,7 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
     Args:
         folder: an existing folder.
         files: content by name; a name may be in a subfolder, which is created.
+        before: see `Before`.
 
     Raises:
         FileMissing: If the folder does not exist.
@@ -61,7 +74,7 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
     """
     for name in files:
         refuse_link_out(Path(folder) / name, Path(folder))
-    _write_files(folder, files)
+    _write_files(folder, files, before)
 
 
 def make_folder(folder: Path, *, parents: bool = True) -> None:
@@ -102,7 +115,7 @@ def refuse_link_out(path: Path, folder: Path) -> None:
             )
 
 
-def _write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
+def _write_files(folder: str | Path, files: Mapping[str, bytes], before: Before) -> None:
     root = Path(folder)
     if not is_folder(root):
         raise FileMissing(f"{root}: there is no such folder to save in")
@@ -115,7 +128,7 @@ def _write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
             if target.is_dir():
                 raise HypermapError(f"{target}: is a folder; choose another name to save under")
             final_of(target).parent.mkdir(parents=True, exist_ok=True)
-        _save(Journal(root, list(files)), list(files.values()))
+        _save(Journal(root, list(files)), list(files.values()), before)
     except OSError as error:
         where = getattr(error, "filename2", None) or target  # the target of a rename
         raise HypermapError(f"{where}: cannot be saved: {why_not_written(error)}") from error
@@ -164,18 +177,46 @@ class Unfinished:
     path: Path
     file: BinaryIO
 
-    def become(self, final: Path) -> None:
+    def become(self, final: Path, like: Path | None = None) -> None:
         """Replace a file of the same folder, as soon as the content is on the disk.
+
+        Args:
+            final: the file.
+            like: the file whose permissions and owner it gets; else those of the one it replaces.
 
         Raises:
             OSError: If that is not possible; the old file then remains.
         """
-        _look_like(final, self.file.fileno())
+        _look_like(like or final, self.file.fileno())
         os.fsync(self.file.fileno())
         if not HAS_LOCKS:  # on Windows, which does not rename open files
             self.file.close()
         self.path.replace(final)
         flush_folder(final.parent)
+
+    def become_for_now(self, final: Path, like: Path) -> Undo:
+        """Do what `become` does, and return what puts the old file back until this one is closed.
+
+        Raises:
+            OSError: If that is not possible; the old file then remains.
+        """
+        old = _set_aside(self.path)
+        with contextlib.suppress(FileNotFoundError):
+            final.replace(old)
+
+        def put_back() -> None:
+            with contextlib.suppress(OSError):
+                if old.exists():
+                    old.replace(final)
+                else:
+                    final.unlink()
+
+        try:
+            self.become(final, like)
+        except BaseException:
+            put_back()
+            raise
+        return put_back
 
 
 @contextmanager
@@ -194,7 +235,12 @@ def unfinished_file(folder: Path, suffix: str = "") -> Iterator[Unfinished]:
             lock_file(file.fileno())
             yield Unfinished(path, file)
     finally:
-        _remove([path])
+        _remove([path, _set_aside(path)])
+
+
+def _set_aside(unfinished: Path) -> Path:
+    """Return where the file is that an unfinished one has replaced for now."""
+    return unfinished.with_name(unfinished.name + ".old")
 
 
 def is_folder(path: Path) -> bool:
@@ -213,10 +259,11 @@ def is_write_protected(path: Path) -> bool:
         return False
 
 
-def _save(journal: Journal, contents: Sequence[bytes]) -> None:
+def _save(journal: Journal, contents: Sequence[bytes], before: Before) -> None:
     moves, root = journal.moves(), journal.folder
     folders = {root, *(final.parent for _, final in moves)}
     is_one, is_committed = len(moves) == 1, False
+    undo = nothing_before()
     with turn_to_save(folders) as turn:
         if turn == "busy" and not is_one:
             raise HypermapError(f"{root}: another program is saving here; try again")
@@ -233,12 +280,15 @@ def _save(journal: Journal, contents: Sequence[bytes]) -> None:
                     flush_folder(folder)
                 for temporary, _ in moves:
                     temporary.stat()  # nobody has removed it
+            undo = before()
+            if not is_one:
                 is_committed = True  # or nearly so
                 journal.write()
             journal.put_in_place(is_first=is_one or turn == "alone")
         except BaseException:
             if not is_committed or moves[0][0].exists():  # then nothing is replaced yet
                 _remove([*([] if is_one else [journal.path]), *(move[0] for move in moves)])
+                undo()
             raise
         if not is_one:
             journal.path.unlink()

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
+from collections.abc import Iterator
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.core.history import MAP_VERSION
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.archive import read_archive
-from hypermap.formats.atomic import refuse_link_out, write_file
-from hypermap.formats.config import CONFIG_NAME, parse_config
-from hypermap.formats.hmap import MAPPER_STATE, open_map, save_map
+from hypermap.formats.atomic import Undo, refuse_link_out, unfinished_file, why_not_written
+from hypermap.formats.config import CONFIG_NAME, file_of_map, parse_config
+from hypermap.formats.hmap import MAPPER_STATE, archive_of_map, open_map, replace_map
+from hypermap.formats.journal import final_of
 
 EDITED_WITH = "edited_with"
 """The key of a map's metadata for the program in which people edited it."""
@@ -32,11 +35,14 @@ def backup_of(path: Path) -> Path:
     return path.with_name(path.name + (".bak.hmap" if is_folder else ".bak"))
 
 
-def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
-    """Keep a copy of the file on disk, named by `backup_of`.
+def save_with_backup(hypermap: Hypermap, path: Path, *, spare_edited: bool = False) -> Path | None:
+    """Save a map, and keep a copy of the file that it replaces, named by `backup_of`.
+
+    If that fails, the file and an older copy stay as they are.
 
     Args:
-        path: of a map.
+        hypermap: the map.
+        path: its file.
         spare_edited: whether to keep an existing copy that mapping could not make again, if it
             could make the file again.
 
@@ -44,24 +50,53 @@ def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
         The copy; None if there was nothing to keep.
 
     Raises:
-        HypermapError: If that is not possible; then the file should not be replaced.
+        HypermapError: If the map cannot be saved, or the copy cannot be made.
     """
+    path = file_of_map(path)
     backup = backup_of(path)
+    content = None
+    if not (spare_edited and why_precious(backup) and not why_precious(path)):
+        with _keeping(backup):
+            content = _copy_of(path, backup)
+    if content is None:
+        replace_map(hypermap, path)
+        return None
+    final = final_of(backup)
+    with contextlib.ExitStack() as held:
+        with _keeping(backup):
+            copied = held.enter_context(unfinished_file(final.parent))
+            copied.path.write_bytes(content)
+
+        def before() -> Undo:
+            with _keeping(backup):
+                return copied.become_for_now(final, like=path)
+
+        replace_map(hypermap, path, before=before)
+    return backup
+
+
+def _copy_of(path: Path, backup: Path) -> bytes | None:
+    """Return what the copy of a file will hold; None if there is no such file."""
     try:
-        if spare_edited and why_precious(backup) and not why_precious(path):
-            return None
         refuse_link_out(backup, backup.parent)
         if path.suffix.lower() not in _YAML_ENDINGS:
-            write_file(backup, path.read_bytes())
-        elif path.exists():
-            save_map(open_map(path), backup)
-        else:
-            return None
-    except (FileNotFoundError, FileMissing):
+            return path.read_bytes()
+        return archive_of_map(open_map(path), backup) if path.exists() else None
+    except (FileNotFoundError, FileMissing, ValueError):  # of a wrong name, saving says so
         return None
-    except (OSError, HypermapError) as error:
+
+
+@contextlib.contextmanager
+def _keeping(backup: Path) -> Iterator[None]:
+    """Say that an error is about the copy."""
+    try:
+        yield
+    except OSError as error:
+        raise HypermapError(
+            f"cannot keep a backup, so nothing is saved: {backup}: {why_not_written(error)}"
+        ) from error
+    except HypermapError as error:
         raise HypermapError(f"cannot keep a backup, so nothing is saved: {error}") from error
-    return backup
 
 
 def save_edited(hypermap: Hypermap, path: Path, editor: str) -> None:
@@ -75,12 +110,11 @@ def save_edited(hypermap: Hypermap, path: Path, editor: str) -> None:
     Raises:
         HypermapError: If that is not possible; the old file then remains.
     """
-    keep_backup(path)
     marked = copy.copy(hypermap)
     known = hypermap.metadata.get(MAP_VERSION)
     marked.metadata[EDITED_WITH] = editor
     marked.metadata[MAP_VERSION] = 1 + (known if type(known) is int else 0)
-    save_map(marked, path)
+    save_with_backup(marked, path)
 
 
 def may_go_on(archive: Path) -> bool:

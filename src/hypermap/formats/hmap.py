@@ -21,8 +21,8 @@ from hypermap.core.layer import Layer, Store
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.outside import open_site
-from hypermap.formats.archive import read_archive, write_archive
-from hypermap.formats.atomic import is_folder, write_files
+from hypermap.formats.archive import packed_archive, read_archive, write_archive
+from hypermap.formats.atomic import Before, is_folder, nothing_before, write_files
 from hypermap.formats.beside import folder_beside, put_beside
 from hypermap.formats.config import (
     BINARY_FILE,
@@ -105,6 +105,16 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
         FileMissing: If the folder to save in does not exist.
         HypermapError: If it cannot be written, or there is no plug-in for one of its layers.
     """
+    replace_map(hypermap, path, semantic)
+
+
+def replace_map(
+    hypermap: Hypermap,
+    path: str | Path,
+    semantic: SemanticForm = "auto",
+    before: Before = nothing_before,
+) -> None:
+    """Do what `save_map` does, and something just before the new files replace the old."""
     path = file_of_map(Path(path))
     given, hypermap = hypermap, grown(hypermap, time.time())
     is_config = path.suffix.lower() in _YAML_ENDINGS
@@ -116,12 +126,25 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
     if is_config:
         config = files.pop(path.name)
         # The configuration comes last: by it, readers see that the files are from another save.
-        write_files(path.parent, {**files, path.name: config})
+        write_files(path.parent, {**files, path.name: config}, before)
     else:
-        write_archive(path, files)
+        write_archive(path, files, before)
     if hypermap is not given:  # saving it again adds nothing
         given.history = hypermap.history
         given.metadata[MAP_VERSION] = hypermap.metadata[MAP_VERSION]
+
+
+def archive_of_map(hypermap: Hypermap, path: Path) -> bytes:
+    """Return what an archive of a map holds; its large files are put next to the path.
+
+    Raises:
+        FileMissing: If the path's folder, or an attached file, does not exist.
+        HypermapError: If it cannot be made, as in `save_map`.
+    """
+    beside = folder_beside(path)
+    store = _write_map(hypermap, CONFIG_NAME, "auto", beside)
+    put_beside(path.parent / beside, store.large)
+    return packed_archive(store.files, path)
 
 
 def files_of_map(hypermap: Hypermap) -> dict[str, bytes]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from hypermap.core.errors import HypermapError
 from hypermap.core.history import MAP_VERSION
 from hypermap.formats import save_map
-from hypermap.formats.backup import keep_backup
+from hypermap.formats.backup import save_with_backup
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.port import Level, Port
@@ -96,13 +96,14 @@ class Saving:
 
     def _save(self, path: Path, level: Level = "info") -> None:
         with self._lock:  # an older map must not replace a newer one
-            if path not in self._own and (backup := keep_backup(path, spare_edited=True)):
-                self._port.log("warning", f"{path} was there before; it stays as {backup}")
             state = self._map.state
             hypermap = self._map.hypermap()
             hypermap.metadata[MAP_VERSION] += self._saves
             self._saves += 1
-            save_map(hypermap, path)
+            if path in self._own:
+                save_map(hypermap, path)
+            elif backup := save_with_backup(hypermap, path, spare_edited=True):
+                self._port.log("warning", f"{path} was there before; it stays as {backup}")
             self._own.add(path)
             if path == self._path:
                 self._saved_state = state

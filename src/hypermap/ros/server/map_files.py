@@ -7,9 +7,8 @@ from pathlib import Path
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
-from hypermap.formats import save_map
 from hypermap.formats.any_file import open_any
-from hypermap.formats.backup import keep_backup
+from hypermap.formats.backup import save_with_backup
 from hypermap.ros.port import Message, Parameter, Port
 from hypermap.ros.server.current_map import CurrentMap
 from hypermap.ros.server.map_directory import archive_within, path_within
@@ -54,8 +53,7 @@ class MapFiles:
                 file cannot be written.
         """
         path = archive_within(self._named_directory(), request.filename)
-        backup = keep_backup(path)
-        save_map(self._current.hypermap, path)
+        backup = save_with_backup(self._current.hypermap, path)
         self._current.stored(path)
         kept = f"; what was there stays as {backup.name}" if backup else ""
         self._port.log("info", f"stored the map in {request.filename}{kept}")

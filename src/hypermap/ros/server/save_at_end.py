@@ -11,8 +11,7 @@ from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.core.hypermap import Hypermap
-from hypermap.formats import save_map
-from hypermap.formats.backup import keep_backup
+from hypermap.formats.backup import save_with_backup
 from hypermap.ros.port import Parameter, Port, Value
 
 SAVE_TO = Parameter(
@@ -71,8 +70,7 @@ def save_at_end(hypermap: Hypermap, path: Path, own: Collection[Path], port: Por
     if target != path:
         port.log("warning", _foreign(path))
     try:
-        keep_backup(target)
-        save_map(hypermap, target)
+        save_with_backup(hypermap, target)
     except (HypermapError, OSError) as error:
         port.log("error", f"the map could not be stored: {error}")
         return

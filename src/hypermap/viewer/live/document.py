@@ -16,8 +16,8 @@ from typing import Any
 from hypermap.core.history import MAP_VERSION
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats import open_map, save_map
-from hypermap.formats.backup import EDITED_WITH, keep_backup
+from hypermap.formats import open_map
+from hypermap.formats.backup import EDITED_WITH, save_with_backup
 from hypermap.formats.locks import turn_to_edit
 from hypermap.mapping.going_on import with_marks
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
@@ -163,7 +163,6 @@ class MapDocument:
 
     def _save(self, file: MapFile, overwrite: bool) -> None:
         file.check_before_saving(overwrite)
-        keep_backup(file.path)
         hypermap = self._current.hypermap
         is_edited = self._content != _OPENED
         if is_edited:
@@ -172,7 +171,7 @@ class MapDocument:
             known = hypermap.metadata.get(MAP_VERSION)
             opened = known if type(known) is int else 0
             hypermap.metadata[MAP_VERSION] = opened + self._edited_saves + 1
-        save_map(hypermap, file.path)
+        save_with_backup(hypermap, file.path)
         self._current.hypermap.history = hypermap.history
         self._edited_saves += is_edited
         self.file = MapFile.of(file.path, hypermap)
