@@ -120,6 +120,7 @@ def _for_the_core(name: str) -> Any:
         "embedder_in_use": "hypermap.perception.embedders.load",
         "nearest_by_path": "hypermap.paths.planner",
         "open_site": "hypermap.fleet.store.stored_map",
+        "refuse_pointer": "hypermap.formats.store",
         "stand_in_rooms": "hypermap.rooms.questions",
         "write_file": "hypermap.formats.atomic",
     }

@@ -1,13 +1,18 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from hypermap import open_map
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.layer import Store
 from hypermap.formats import limits
 from hypermap.formats.store import FolderStore, MemoryStore, safe_name
+from hypermap.perception.detectors.load import load_detector
+from hypermap.recordings import open_recording
 
 
 @pytest.fixture(params=["memory", "folder"])
@@ -88,6 +93,30 @@ def test_a_folder_and_a_file_that_is_too_large_are_refused(
     monkeypatch.setattr(limits, "MAX_FILE_BYTES", 4)
     with pytest.raises(FormatError, match="holds 5 bytes, more than the 4 that are allowed"):
         store.read("big")
+
+
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:%s\nsize 123456\n" % (b"a1" * 32)
+
+
+@pytest.mark.parametrize(
+    ("name", "opened"),
+    [
+        ("office.hmap", open_map),
+        ("office.yaml", open_map),
+        ("desk.mcap", lambda path: open_recording(path).frames()),
+        ("yolox.onnx", load_detector),
+    ],
+)
+def test_what_git_lfs_has_not_fetched_is_said_to_be_so(
+    tmp_path: Path, name: str, opened: Callable[[Path], Any]
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(POINTER)
+    with pytest.raises(FormatError) as error:
+        list(opened(path))
+    assert str(error.value) == (
+        f"{path}: is only Git LFS' pointer to the file; `git lfs pull` fetches the file itself"
+    )
 
 
 def test_the_number_of_a_layers_files_is_bounded(

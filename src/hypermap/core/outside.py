@@ -41,6 +41,15 @@ def write_file(path: str | Path, content: bytes) -> None:
     _outside("write_file")(path, content)
 
 
+def refuse_pointer(path: Path) -> None:
+    """Refuse the pointer that Git LFS leaves in place of a file that it has not fetched.
+
+    Raises:
+        FormatError: Saying how to fetch the file.
+    """
+    _outside("refuse_pointer")(path)
+
+
 def open_site(address: str | Path) -> Hypermap:
     """Return the map of a site in a shared store, by its address.
 

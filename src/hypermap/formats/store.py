@@ -18,6 +18,9 @@ from hypermap.formats.atomic import is_folder, write_files
 _UNSAFE = re.compile(r"[\x00-\x1f\\]|^/|^[A-Za-z]:|(^|/)(\.git(/|$)|\.hypermap-)", re.IGNORECASE)
 """In names: what leads elsewhere, into a repository's own files, or to those of a save."""
 
+_START_OF_POINTER = b"version https://git-lfs.github.com/spec/"
+_LONGEST_POINTER = 1023  # bytes
+
 
 class MemoryStore:
     """Files in memory: those of an archive that was read or will be written.
@@ -136,7 +139,7 @@ def open_file(path: Path, max_bytes: int) -> BinaryIO:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is a folder, a device or too large.
+        FormatError: If it is a folder, a device, too large, or Git LFS left its pointer here.
         HypermapError: If it cannot be read.
     """
     try:
@@ -152,6 +155,11 @@ def open_file(path: Path, max_bytes: int) -> BinaryIO:
         raise FileMissing(f"{str(path)!r}: there is no such file") from None
     status = os.fstat(file.fileno())
     if stat.S_ISREG(status.st_mode) and status.st_size <= max_bytes:
+        try:
+            refuse_pointer(path)
+        except FormatError:
+            file.close()
+            raise
         return file
     file.close()
     if not stat.S_ISREG(status.st_mode):
@@ -159,6 +167,24 @@ def open_file(path: Path, max_bytes: int) -> BinaryIO:
     raise FormatError(
         f"holds {status.st_size} bytes, more than the {max_bytes} that are allowed", path=path
     )
+
+
+def refuse_pointer(path: Path) -> None:
+    """Refuse the pointer that Git LFS leaves in place of a file that it has not fetched.
+
+    Source: Git LFS specification, "The Pointer".
+
+    Raises:
+        FormatError: Saying how to fetch the file.
+    """
+    with contextlib.suppress(OSError):
+        if path.stat().st_size > _LONGEST_POINTER or not path.is_file():
+            return
+        if path.read_bytes().startswith(_START_OF_POINTER):
+            raise FormatError(
+                "is only Git LFS' pointer to the file; `git lfs pull` fetches the file itself",
+                path=path,
+            )
 
 
 def safe_name(name: str, where: str = "") -> str:

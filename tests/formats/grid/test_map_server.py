@@ -241,7 +241,7 @@ def test_a_picture_of_floating_point_numbers_is_refused() -> None:
         ("2.0, 0.5]", "2.0]", "origin[2]: is required, but missing"),
         ("2.0, 0.5]", ".nan, 0.5]", "origin[1]: input should be a finite number, found nan"),
         ("negate: 0", "negate: 7", "negate: input should be a valid boolean"),
-        ("occupied_thresh: 0.65\n", "", "occupied_thresh: is required, but missing"),
+        ("resolution: 0.05\n", "", "resolution: is required, but missing"),
         ("0.65", "1.5", "occupied_thresh: input should be less than or equal to 1, found 1.5"),
         ("0.65", ".nan", "occupied_thresh: input should be "),
         ("0.196", "-0.1", "free_thresh: input should be greater than or equal to 0, found -0.1"),
@@ -411,6 +411,37 @@ def test_a_bare_map_opens_from_the_disk_wherever_its_picture_lies(tmp_path: Path
         assert layer.cells is not None
         assert layer.cells.tolist() == [[100, 0]]
         assert layer.settings["file"] == "floor"
+
+
+def test_a_map_that_names_a_folder_of_its_robot_opens_with_the_picture_beside_it(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    yaml = tmp_path / "floor.yaml"
+    yaml.write_text(YAML.replace("map.png", "/home/robot/maps/floor.png"))
+    with pytest.raises(FormatError, match=r"there is no picture /home/robot/maps/floor\.png"):
+        load_occupancy(yaml)
+    (tmp_path / "floor.png").write_bytes(picture([[0, 255]]))
+    layer = load_occupancy(yaml)
+    assert layer.cells is not None
+    assert layer.cells.tolist() == [[100, 0]]
+    assert caplog.messages == [
+        f"{yaml}: image: there is no /home/robot/maps/floor.png; "
+        f"{tmp_path / 'floor.png'} is taken, which lies here"
+    ]
+    yaml.write_text(YAML.replace("map.png", "pictures/floor.png"))
+    with pytest.raises(FormatError, match="there is no picture"):  # it was meant from here
+        load_occupancy(yaml)
+
+
+def test_thresholds_that_are_missing_are_those_of_map_saver(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    without = YAML.replace("occupied_thresh: 0.65\n", "").replace("free_thresh: 0.196\n", "")
+    assert cells(picture(GRAYS), without) == TRINARY
+    assert caplog.messages == [
+        "t.hmap/map.yaml: occupied_thresh is missing; taken as 0.65, as in maps of map_saver",
+        "t.hmap/map.yaml: free_thresh is missing; taken as 0.196, as in maps of map_saver",
+    ]
 
 
 def test_a_bare_map_that_is_missing_or_lacks_its_picture_says_so(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
@@ -51,8 +52,8 @@ class MapYaml(Checked):
     resolution: Annotated[Finite, Field(ge=RESOLUTIONS[0], le=RESOLUTIONS[1])]
     origin: Pose
     negate: bool = False
-    occupied_thresh: _Fraction
-    free_thresh: _Fraction
+    occupied_thresh: _Fraction = 0.65
+    free_thresh: _Fraction = 0.196
     mode: Literal["trinary", "scale", "raw"] = "trinary"
 
     @model_validator(mode="after")
@@ -124,7 +125,8 @@ def load_occupancy(
 ) -> OccupancyLayer:
     """Return the map of a map_server YAML file on the disk.
 
-    Like map_server, this accepts any image path: relative to the YAML file, or absolute.
+    Like map_server, this accepts any image path: relative to the YAML file, or absolute. Of an
+    absolute path that does not exist here, the file of that name beside the YAML file is taken.
 
     Raises:
         FileMissing: If there is no such file.
@@ -135,17 +137,26 @@ def load_occupancy(
 
 
 def parse_map_yaml(content: bytes, path: str) -> MapYaml:
-    """Return the content of a map_server YAML file.
+    """Return the content of a map_server YAML file; warn if it lacks a threshold.
 
     Raises:
         FormatError: Naming the key that is wrong or missing.
     """
-    return check(MapYaml, read_yaml(content, path, {("image",), ("mode",)}), path)
+    described = check(MapYaml, read_yaml(content, path, {("image",), ("mode",)}), path)
+    for key in ("occupied_thresh", "free_thresh"):
+        if key not in described.model_fields_set:
+            logger.warning(
+                "%s: %s is missing; taken as %g, as in maps of map_saver",
+                path,
+                key,
+                getattr(described, key),
+            )
+    return described
 
 
 def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
     described = parse_map_yaml(read_file(path), str(path))
-    image = path.parent / described.image
+    image = _picture_of(path, described.image)
     try:
         content = read_file(image)
     except FileMissing:
@@ -154,6 +165,19 @@ def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
         raise FormatError(str(error), path=path, key="image") from None
     cells = cells_from_file(content, str(image), described)
     return _layer(described, cells, name, frame_id, {"file": path.stem})
+
+
+def _picture_of(path: Path, image: str) -> Path:
+    """Return the picture's path; that beside the YAML file where an absolute path is elsewhere's.
+
+    map_saver writes the absolute path that it was given, so maps name folders of their robots.
+    """
+    named = path.parent / image
+    beside = path.parent / Path(image).name
+    if not Path(image).is_absolute() or os.path.lexists(named) or not beside.is_file():
+        return named
+    logger.warning("%s: image: there is no %s; %s is taken, which lies here", path, image, beside)
+    return beside
 
 
 def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.outside import refuse_pointer
 from hypermap.perception.detectors.labels import parse_literal
 
 DEFAULT_SIDE = 640  # for a network that takes any size and does not name one
@@ -111,6 +112,7 @@ def open_session(path: Path, threads: int | None) -> Any:
             path, sess_options=options, providers=["CPUExecutionProvider"]
         )
     except Exception as error:  # ONNX Runtime's errors have no common class of their own
+        refuse_pointer(path)
         raise FormatError(
             f"not a complete ONNX model that can be run here: {_reason(error)}", path=path
         ) from error

@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from hypermap.core.errors import FormatError, HypermapError
+from hypermap.formats.store import refuse_pointer
 from hypermap.recordings.bag.definitions import DETECTION_TYPES, known_types
 from hypermap.recordings.bag.parts import is_ros1_bag, parts_of
 
@@ -140,6 +141,8 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
         raise FormatError(str(error), path=path) from None
     except Exception as error:
         # rosbags reports damage by errors of many kinds: its own, struct's, zlib's, SQLite's.
+        for file in (path, *sorted(path.glob("*"))):
+            refuse_pointer(file)
         repair = _REPAIR.get(path.suffix, "ros2 bag reindex")
         detail = str(error) or type(error).__name__
         if "Profile is not ros2" in detail:
