@@ -106,3 +106,14 @@ def test_columns_from_outside_may_have_the_first_and_the_last_id() -> None:
     ObjectTable.of([square("a", 0, 0, id=2**31 - 1), square("b", 0, 0, id=0)]).check()
     ObjectTable.of([square("a", 0, 0, id=2**31 - 1)]).check()
     ObjectTable.of([]).check()
+
+
+@pytest.mark.parametrize(
+    ("confidence", "existence", "probability"),
+    [((0.4, 0.1), 3.0, 0.4), ((), 0.0, 0.5), ((), 1e9, 1.0), ((), None, None)],
+)
+def test_the_probability_of_an_object_is_its_confidence_or_follows_from_its_existence(
+    confidence: tuple[float, ...], existence: float | None, probability: float | None
+) -> None:
+    cup = SemanticObject("cup", shapely.box(0, 0, 1, 1), confidence=confidence, existence=existence)
+    assert cup.probability == probability

@@ -156,6 +156,20 @@ def test_objects_that_grow_into_each_other_are_combined_in_the_default_profile()
     assert only(evidence).attributes["evidence"] == 5
 
 
+def test_a_combined_object_keeps_the_id_that_people_know_not_that_of_an_improbable_track() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    middle = shapely.box(0, 0, 2, 2)
+    around = [square(1 + x, 1 + y, 2.0) for x, y in ((1.2, 0), (-1.2, 0), (0, 1.2), (0, -1.2))]
+    for shape in (middle, *around):  # which hardly agree
+        evidence.update(seen(shape, score=0.3, area=NOWHERE))
+    for _ in range(4):
+        evidence.update(seen(shapely.box(3.4, 0, 4.4, 2), area=NOWHERE))
+    assert only(evidence).id == 1
+    evidence.update(seen(shapely.box(0.5, 0, 4.4, 2), area=NOWHERE))
+    assert only(evidence).attributes["evidence"] == 10
+    assert only(evidence).id == 1
+
+
 @pytest.mark.parametrize(("combine", "count"), [("matches", 2), ("overlapping", 1)])
 def test_an_object_that_grows_over_another_takes_it_in_as_configured(
     combine: Literal["matches", "overlapping"], count: int

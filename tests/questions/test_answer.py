@@ -346,6 +346,17 @@ def test_what_may_have_been_seen_in_a_time_that_is_over_is_counted(diary: Hyperm
     assert answer.notes == ("1 more were seen before and after, and may have been then",)
 
 
+def test_the_surest_object_is_the_most_probable_one_not_that_with_most_existence() -> None:
+    often, sure = (
+        replace(thing("cup", x, 1, 0.1, 0.0, 0.1), existence=existence, confidence=(probability,))
+        for x, existence, probability in ((1, 20.0, 0.6), (2, 9.0, 0.9))
+    )
+    unknown = replace(thing("cup", 3, 1, 0.1, 0.0, 0.1), existence=None)
+    cups = Hypermap([SemanticLayer("semantic", "map", [unknown, often, sure])])
+    assert ids(ask(cups, Query(names=("cup",), which="surest"))) == [2]
+    assert ids(ask(cups, Query(names=("cup",), which="surest", count=3))) == [2, 1, 0]
+
+
 def test_last_seen_is_answered_newest_first(diary: Hypermap) -> None:
     assert ids(ask(diary, Query("last_seen", ("cup", "mug")))) == [2, 1, 0]
     assert ids(ask(diary, Query("last_seen", ("cup",), which="newest"))) == [2]  # a mug is a cup

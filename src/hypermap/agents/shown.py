@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from datetime import datetime, timezone
 from typing import Any
@@ -12,7 +11,7 @@ import shapely
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import FoundObject, Hypermap
-from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.times import are_calendar
 from hypermap.rooms.questions import rooms_at
 from hypermap.rooms.rooms import Door, Room, Rooms, rooms_on
@@ -43,20 +42,11 @@ def _row(item: FoundObject, room: Room | None) -> dict[str, Any]:
         row["room"] = room.name
     if item.distance is not None:
         row["distance"] = round(item.distance, 2)
-    if (probability := _probability(thing)) is not None:
-        row["probability"] = round(probability, 3)
+    if thing.probability is not None:
+        row["probability"] = round(thing.probability, 3)
     if thing.last_seen is not None:
         row["last_seen"] = time_text(thing.last_seen)
     return row
-
-
-def _probability(thing: SemanticObject) -> float | None:
-    """Return how probable it is that there is an object, by its confidence if it has one, 0..1."""
-    if thing.confidence:
-        return max(thing.confidence)
-    if thing.existence is None:
-        return None
-    return 1 / (1 + math.exp(-max(-50.0, min(50.0, thing.existence))))
 
 
 def room_row(room: Room | None) -> dict[str, Any] | None:

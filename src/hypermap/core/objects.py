@@ -71,6 +71,12 @@ class SemanticObject:
             if value is not None and not math.isfinite(value):
                 raise ValueError(f"{key} must be finite, got {value}")
 
+    @property
+    def probability(self) -> float | None:
+        """The probability that there is such an object, 0..1; None if nothing is known about it."""
+        existence = math.nan if self.existence is None else self.existence
+        return _or_none(probability_of(self.confidence, existence))
+
     def __repr__(self) -> str:
         number = "" if self.id is None else f" {self.id}"
         with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
@@ -93,6 +99,26 @@ class SemanticObject:
     def copy(self) -> SemanticObject:
         """Return the same object with a copy of its footprint, which no other thread prepares."""
         return _unchecked(vars(self), footprint=shapely.force_2d(self.footprint))
+
+
+def probability_of(confidence: Sequence[float], existence: float) -> float:
+    """Return the probability that there is an object, 0..1.
+
+    Args:
+        confidence: the object's; the probability is that of the most likely tag.
+        existence: the object's, from which it follows without a confidence; NaN if unknown.
+
+    Returns:
+        NaN if neither is known.
+
+    >>> probability_of((0.7, 0.2), 3.0)
+    0.7
+    """
+    if confidence:
+        return max(confidence)
+    if math.isnan(existence):
+        return math.nan
+    return 1 / (1 + math.exp(-max(-50.0, min(50.0, existence))))
 
 
 @dataclass(frozen=True)

@@ -287,9 +287,6 @@ class EvidenceMap:
         """Return whether a track may exist: not if it was deleted by hand."""
         return not (self._edited and self._tracks.objects[row].is_deleted)
 
-    def _is_published(self, row: int) -> bool:
-        return bool(self._tracks.existence[row] > self.config.publish_above)
-
     def _is_remembered(self, row: int) -> bool:
         """Return whether a track is gone, and kept only because its object may be elsewhere."""
         return self.config.moves and self._tracks.existence[row] <= self.config.forget_below
@@ -306,7 +303,8 @@ class EvidenceMap:
         """
         rows = sorted(row for row in rows if self._may_be(row))
         if self.config.moves:
-            rows.sort(key=lambda row: not self._is_published(row))
+            published = self._as_published()
+            rows.sort(key=lambda row: not published.is_probable(row))
         if not self._edited:
             return rows
         edited = [row for row in rows if self._tracks.objects[row].by_hand is not None]

@@ -47,7 +47,9 @@ class PublishedTracks:
 
     def rows(self) -> list[int]:
         """Return the rows of the tracks that are published."""
-        is_published = self._is_probable()
+        is_published: BoolArray = self.tracks.existence > self.config.publish_above
+        for row in np.flatnonzero(is_published).tolist():
+            is_published[row] = self.is_probable(row)
         if self.is_edited:
             edits = [track.by_hand for track in self.tracks.objects]
             is_published |= [edit is not None for edit in edits]
@@ -55,17 +57,15 @@ class PublishedTracks:
         rows: list[int] = np.flatnonzero(is_published).tolist()
         return rows
 
-    def _is_probable(self) -> BoolArray:
-        """Return which tracks have enough existence and are probable, shape (N,)."""
-        existence, least = self.tracks.existence, self.config.min_probability
-        is_probable: BoolArray = existence > self.config.publish_above
-        if least == 0:
-            return is_probable
-        is_sure = existence - self.tracks.spared > self.config.publish_above
-        for row in np.flatnonzero(is_probable & ~(is_sure & (existence > _BEYOND_DOUBT))).tolist():
-            needed = least if is_sure[row] else max(least, _OFTEN_MISSED)
-            is_probable[row] = self._probability(row) >= needed
-        return is_probable
+    def is_probable(self, row: int) -> bool:
+        """Return whether mapping would publish a track: enough existence, and probable enough."""
+        existence, least = self.tracks.existence.item(row), self.config.min_probability
+        if not existence > self.config.publish_above or least == 0:
+            return existence > self.config.publish_above
+        is_sure = existence - self.tracks.spared.item(row) > self.config.publish_above
+        if is_sure and existence > _BEYOND_DOUBT:
+            return True
+        return self._probability(row) >= (least if is_sure else max(least, _OFTEN_MISSED))
 
     def _probability(self, row: int) -> float:
         shape = self.tracks.shapes.polygons[row]

@@ -20,6 +20,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap, Matches
 from hypermap.core.layer import Layer
 from hypermap.core.notes_layer import NotesLayer
+from hypermap.core.objects import probability_of
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.value_layer import ValueLayer
@@ -398,7 +399,8 @@ def _order(which: str, found: Matches) -> IntArray:
         areas = shapely.area(found.shapes)
         keys = areas if which == "smallest" else -areas
     elif which == "surest":
-        keys = -np.nan_to_num(found.column("existence"))
+        columns = zip(found.column("confidence"), found.column("existence"), strict=True)
+        keys = -np.nan_to_num([probability_of(*known) for known in columns])
     else:
         keys = -np.nan_to_num(found.column("last_seen"), nan=-np.inf, neginf=-np.inf)
     return np.argsort(keys, kind="stable")
