@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
@@ -12,13 +12,18 @@ from typing import Any, Literal, TypeAlias
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ArgsKwargs
 
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import HypermapError, did_you_mean
 
 MOST_BYTES = 24_000
 """The largest answer, as JSON."""
 
 _LONGEST_TEXT = 500  # characters of a text in an answer
 _MOST_PROBLEMS = 5  # with arguments, that an error lists
+_MESSAGES = {
+    "missing_keyword_only_argument": "is required, but missing",
+    "unexpected_keyword_argument": "there is no such argument; ",
+}
+"""What is clearer than pydantic's own words, by its types of errors."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +84,8 @@ class Tool:
         try:
             answer = self._adapter.validate_python(ArgsKwargs((), given))
         except ValidationError as error:
-            raise HypermapError(f"{self.name}: {_problems(error)}") from None
+            problems = _problems(error, self.parameters["properties"])
+            raise HypermapError(f"{self.name}: {problems}") from None
         return answer if isinstance(answer, Picture) else bounded(answer)
 
     @cached_property
@@ -117,11 +123,15 @@ def _cut(value: Any) -> Any:
     return [_cut(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-def _problems(error: ValidationError) -> str:
+def _problems(error: ValidationError, arguments: Iterable[str]) -> str:
+    """Return what is wrong with a call, in a line that lets a model mend it."""
     found = error.errors(include_url=False, include_input=False, include_context=False)
-    shown = [
-        f"{'.'.join(map(str, one['loc'])) or 'arguments'}: {one['msg']}"[:200]
-        for one in found[:_MOST_PROBLEMS]
-    ]
+    shown = []
+    for one in found[:_MOST_PROBLEMS]:
+        place = ".".join(map(str, one["loc"])) or "arguments"
+        message = _MESSAGES.get(one["type"], one["msg"])
+        if one["type"] == "unexpected_keyword_argument":
+            message += did_you_mean(place, arguments)
+        shown.append(f"{place}: {message}"[:200])
     more = len(found) - len(shown)
     return "; ".join(shown) + (f"; and {more} more" if more else "")
