@@ -27,6 +27,7 @@ from campaign.mutation import Mutator, mutate_archive, mutate_bytes, mutate_png,
 from campaign.questions import ask_everything
 from hypermap import (
     HypermapError,
+    OccupancyLayer,
     SemanticLayer,
     SemanticObject,
     open_map,
@@ -48,6 +49,8 @@ from hypermap.formats.semantic.parquet_files import dump_parquet
 from hypermap.formats.semantic.yaml_files import SemanticForm, dump_objects
 from hypermap.testing import square
 
+_MANY = 30_000_000  # cells, of which one answer takes long enough
+
 
 def _folder_of_map(folder: Path) -> dict[str, bytes]:
     """Return the files of a map that lies in a folder."""
@@ -65,10 +68,15 @@ def _folder_of_map(folder: Path) -> dict[str, bytes]:
 def _open_and_ask(path: Path, data: bytes, *, saves: bool = False) -> None:
     hypermap = open_any(path)
     ask_everything(hypermap, draw_of(data))
-    if saves:  # what opened can be saved, and opened again
+    if saves and _cells(hypermap) < _MANY:  # what opened can be saved, and opened again
         again = path.with_name("again.hmap")
         save_map(hypermap, again)
         open_map(again)
+
+
+def _cells(hypermap: Hypermap) -> int:
+    grids = (layer.cells for layer in hypermap if isinstance(layer, OccupancyLayer))
+    return sum(cells.size for cells in grids if cells is not None)
 
 
 def _ask_of_folder(folder: Path, data: bytes) -> None:

@@ -220,6 +220,28 @@ def test_a_database_that_dies_costs_nothing(
     database.close()
 
 
+def test_an_error_of_a_library_does_not_end_the_delivery_in_silence(
+    store: str, site: str, database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spool, troubles = Spool(tmp_path / "spool"), []
+    spool.put(Observed(site, "semantic", "anna", [square("cup", 0, 0, id=1)]))
+    failing = RuntimeError("of a library")
+
+    def fail(*_: object) -> None:
+        raise failing
+
+    push(database, Hypermap([SemanticLayer("semantic", "map")]), site)
+    with monkeypatch.context() as broken:
+        broken.setattr("hypermap.fleet.store.spool.deliver", fail)
+        delivery = Delivery(spool, parse_address(store), troubles.append)
+        wait_until(lambda: bool(troubles))
+    assert troubles == [f"RuntimeError: of a library; observations wait in {spool.path}"]
+    delivery.wake()
+    wait_until(lambda: len(spool) == 0)
+    assert delivery.close() == 0
+    spool.close()
+
+
 def test_what_waits_is_sent_by_the_next_run(
     store: str, site: str, database: Database, tmp_path: Path
 ) -> None:

@@ -83,20 +83,23 @@ def test_a_policy_drops_the_oldest_by_age_and_by_size() -> None:
     assert 48 <= len(half) <= 52
 
 
-def test_one_session_under_a_clock_far_ahead_drops_nothing() -> None:
+def test_sessions_under_clocks_far_ahead_drop_nothing() -> None:
     days = [*range(1, 21), 4000, 4000.5]
     history = History(added=tuple(revision(n, day * DAY) for n, day in enumerate(days, 1)))
     assert versions(history_files(history, HistoryPolicy(keep="10d"))) == list(range(10, 23))
     later = replace(history, added=(*history.added, revision(23, 21 * DAY)))  # the clock is right
     assert versions(history_files(later, HistoryPolicy(keep="10d"))) == list(range(11, 24))
-    long = replace(history, added=(*history.added, revision(23, 4001 * DAY)))  # it was right before
-    assert versions(history_files(long, HistoryPolicy(keep="10d"))) == [21, 22, 23]
+    other = replace(history, added=(*history.added, revision(23, 9000 * DAY)))  # wrong again
+    assert versions(history_files(other, HistoryPolicy(keep="10d"))) == list(range(10, 24))
+    days_after = (revision(23, 4001 * DAY), revision(24, 4002 * DAY))  # it was right before
+    long = replace(history, added=(*history.added, *days_after))
+    assert versions(history_files(long, HistoryPolicy(keep="10d"))) == [21, 22, 23, 24]
 
 
 def test_history_is_dropped_from_a_map_that_changes_once_a_season() -> None:
     history = History(added=tuple(revision(n, 90 * n * DAY) for n in range(1, 9)))
     kept = versions(history_files(history, HistoryPolicy(keep="200d")))
-    assert kept == [5, 6, 7, 8]  # 7 is the newest that a later one confirms
+    assert kept == [4, 5, 6, 7, 8]  # 6 is the newest that two later ones confirm
 
 
 def office(path: Path) -> Hypermap:

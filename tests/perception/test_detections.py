@@ -21,6 +21,19 @@ def test_scores_that_are_not_given_are_1() -> None:
     assert Detections.of(BOXES, ["cup", "chair"]).scores.tolist() == [1, 1]
 
 
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ("caf\u00e9 table", "caf\u00e9 table"),
+        ("c\0p", "c\ufffdp"),
+        ("cup \ud83d", "cup \ufffd"),
+        ("x" * 10**6, "x" * 200),
+    ],
+)
+def test_a_name_that_files_and_stores_cannot_hold_is_mended(given: str, kept: str) -> None:
+    assert Detections.of([[0, 0, 2, 2]], [given]).names.tolist() == [kept]
+
+
 def test_no_detections_are_detections_too() -> None:
     nothing = Detections.of([], [])
     assert (len(nothing), nothing.xyxy.shape, nothing.scores.shape) == (0, (0, 4), (0,))

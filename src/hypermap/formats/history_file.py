@@ -9,6 +9,7 @@ import json
 import logging
 import math
 import threading
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
@@ -123,19 +124,27 @@ def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]
 def _newest_certain(stamps: Iterable[float]) -> float:
     """Return the newest time that is not likely to be that of a clock far ahead; -inf for none.
 
-    A time long after all earlier ones counts once another, at least a day later, confirms it: a
-    single session under a wrong clock must not make all that was before it too old.
+    A time long after all earlier ones counts once two others confirm it, each at least a day after
+    the one before: neither a single session under a wrong clock nor two under different ones must
+    make all that was before too old.
     """
     end = latest_time()
     right = sorted(stamp for stamp in stamps if stamp <= end)
-    newest, first, before = -math.inf, -math.inf, -math.inf
+    newest, before = -math.inf, -math.inf
+    is_certain = False
     for stamp in right:
         if stamp - before > _LONG_PAUSE:
-            first = stamp
-        if right[-1] - first >= _DAY:
+            is_certain = _is_confirmed(stamp, right)
+        if is_certain:
             newest = stamp
         before = stamp
     return newest
+
+
+def _is_confirmed(stamp: float, stamps: Sequence[float]) -> bool:
+    """Return whether there are two later times, each at least a day after the one before."""
+    second = bisect_left(stamps, stamp + _DAY)
+    return second < len(stamps) and stamps[-1] - stamps[second] >= _DAY
 
 
 def _lines(files: Mapping[str, bytes]) -> Iterator[bytes]:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray, ObjectArray
 
+_LONGEST_NAME = 200  # characters
+
 
 @dataclass(frozen=True, eq=False)
 class Detections:
@@ -49,9 +51,12 @@ class Detections:
         scores: Any = None,
         masks: BoolArray | None = None,
     ) -> Detections:
-        """Return detections from plain sequences; scores default to 1."""
+        """Return detections from plain sequences; scores default to 1.
+
+        What no file can hold of a name is replaced, and names are cut at 200 characters.
+        """
         column = np.empty(len(names), dtype=object)
-        column[:] = list(names)
+        column[:] = [_usable(name) for name in names]
         return cls(
             np.asarray(xyxy, dtype=np.float32).reshape(-1, 4),
             column,
@@ -74,3 +79,11 @@ class Detector(Protocol):
     def detect(self, color: NDArray[np.uint8]) -> Detections:
         """Return the objects in an RGB image, uint8, shape (H, W, 3), by descending score."""
         ...
+
+
+def _usable(name: str) -> str:
+    """Return a name that every file and store can hold: without NUL and halves of characters."""
+    if len(name) <= _LONGEST_NAME and name.isprintable():
+        return name
+    cut = name[:_LONGEST_NAME]
+    return "".join("\ufffd" if c == "\0" or "\ud800" <= c <= "\udfff" else c for c in cut)
