@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import itertools
 
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,7 +13,7 @@ PAGE = (0.0, 0.0, 400.0, 300.0)
 
 def spot(x: float, y: float, side: float, width: float = 40.0) -> Spot:
     half = side / 2
-    return Spot((x, y), (x - half, y - half, x + half, y + half), (width, 15.0))
+    return Spot(shapely.box(x - half, y - half, x + half, y + half), (width, 15.0))
 
 
 def box(center: tuple[float, float], size: tuple[float, float]) -> tuple[float, ...]:
@@ -38,7 +39,14 @@ def test_the_label_of_a_large_shape_leaves_the_small_one_on_it_visible():
     table, cup = spot(200, 150, 160), spot(200, 150, 12)
     place, _ = place_labels([table, cup], PAGE)
     assert place is not None
-    assert not share_area(box(place, table.size), cup.bounds)
+    assert not share_area(box(place, table.size), cup.shape.bounds)
+
+
+def test_a_room_around_a_corridor_with_a_corner_carries_its_label():
+    corridor = shapely.union(shapely.box(50, 50, 60, 250), shapely.box(50, 50, 350, 60))
+    room = shapely.box(0, 0, 400, 300).difference(corridor)
+    [(x, y), _] = place_labels([Spot(room, (40, 15)), Spot(corridor, (40, 15))], PAGE)
+    assert shapely.box(*box((x, y), (40, 15))).within(room)
 
 
 def test_a_label_without_room_is_left_out():

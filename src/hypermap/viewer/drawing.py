@@ -275,15 +275,10 @@ def _write_names(axes: Axes, drawing: Drawing, scale: float, vector: bool) -> No
         for name, shape in zip(texts, part.shapes, strict=True):
             if not name:
                 continue
-            bounds = (np.reshape(shape.bounds, (2, 2)) - origin) * scale
-            middle = shape.centroid
-            if not middle.covered_by(shape):
-                middle = shape.representative_point()
-            x, y = (np.array([middle.x, middle.y]) - origin) * scale
             text = printable(name)
-            size = (text_width(text, NAME), height)
             names.append(text)
-            spots.append(Spot((float(x), float(y)), tuple(bounds.ravel()), size))
+            in_pixels = shapely.transform(shape, lambda points: (points - origin) * scale)
+            spots.append(Spot(in_pixels, (text_width(text, NAME), height)))
     width, length = (np.array(drawing.view[2:]) - origin) * scale
     places = place_labels(spots, (4, 4, width - 4, length - 4))
     for i, (text, place) in enumerate(zip(names, places, strict=True)):

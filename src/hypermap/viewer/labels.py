@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 _GAP = 3.0  # pixels between a label and its shape, and between two labels
+_CONVEX = 0.8  # share of its convex hull that a shape covers whose centroid is its middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,13 +19,11 @@ class Spot:
     """A shape that wants a label.
 
     Attributes:
-        center: the best place of the label [pixels].
-        bounds: the shape's xmin, ymin, xmax, ymax [pixels].
+        shape: the shape [pixels].
         size: width and height of the label [pixels].
     """
 
-    center: tuple[float, float]
-    bounds: tuple[float, float, float, float]
+    shape: BaseGeometry
     size: tuple[float, float]
 
 
@@ -41,9 +42,9 @@ def place_labels(
         frame: xmin, ymin, xmax, ymax in which labels may be placed.
     """
     places: list[tuple[float, float] | None] = [None] * len(spots)
-    shapes = np.array([spot.bounds for spot in spots], dtype=float).reshape(-1, 4)
+    shapes = np.array([spot.shape for spot in spots], dtype=object)
     taken = np.empty((0, 4))
-    areas = (shapes[:, 2] - shapes[:, 0]) * (shapes[:, 3] - shapes[:, 1])
+    areas, tree = shapely.area(shapes), shapely.STRtree(shapes)
     for i in np.argsort(-areas, kind="stable"):
         spot = spots[i]
         centers = _candidates(spot)
@@ -53,24 +54,42 @@ def place_labels(
         free = inside & (_overlap(boxes, taken, _GAP).sum(axis=1) == 0)
         if not free.any():
             continue
-        # A large shape may be written on. A label that covers a small one wholly is as bad as one
-        # that lies wholly on another shape.
-        label_area = spot.size[0] * spot.size[1]
-        is_hidden = areas < max(areas[i], 2 * label_area)
-        is_hidden[i] = False
-        whole = np.minimum(areas[is_hidden], label_area) + 1e-9
-        hidden = (_overlap(boxes, shapes[is_hidden], 0.0) / whole).sum(axis=1)
-        cost = np.where(free, np.arange(len(boxes)) * 0.05 + hidden, np.inf)
-        best = int(np.argmin(cost))
+        cost = np.arange(len(boxes)) * 0.05 + _hidden(boxes, i, spot, shapes, areas, tree)
+        best = int(np.argmin(np.where(free, cost, np.inf)))
         places[i] = (float(centers[best, 0]), float(centers[best, 1]))
         taken = np.vstack([taken, boxes[best]])
     return places
 
 
+def _hidden(
+    boxes: NDArray[np.float64],
+    own: np.intp,
+    spot: Spot,
+    shapes: NDArray[np.object_],
+    areas: NDArray[np.float64],
+    tree: shapely.STRtree,
+) -> NDArray[np.float64]:
+    """Return how much of other shapes each box of a label hides, 1 for a whole one, shape (N,).
+
+    A large shape may be written on. A label that covers a small one wholly is as bad as one that
+    lies wholly on another shape.
+    """
+    label_area = spot.size[0] * spot.size[1]
+    labels = np.asarray(shapely.box(*boxes.T))
+    box, other = tree.query(labels)
+    is_hidden = (other != own) & (areas[other] < max(areas[own], 2 * label_area))
+    box, other = box[is_hidden], other[is_hidden]
+    shared = shapely.area(shapely.intersection(labels[box], shapes[other]))
+    whole = np.minimum(areas[other], label_area) + 1e-9
+    hidden = np.zeros(len(boxes))
+    np.add.at(hidden, box, shared / whole)
+    return hidden
+
+
 def _candidates(spot: Spot) -> NDArray[np.float64]:
     """Return the places of a label, the best first, shape (N, 2)."""
-    x, y = spot.center
-    xmin, ymin, xmax, ymax = spot.bounds
+    x, y = _middle(spot.shape, tolerance=spot.size[1])
+    xmin, ymin, xmax, ymax = spot.shape.bounds
     width, height = spot.size
     right, left = xmax + width / 2 + _GAP, xmin - width / 2 - _GAP
     above, below = ymax + height / 2 + _GAP, ymin - height / 2 - _GAP
@@ -82,6 +101,19 @@ def _candidates(spot: Spot) -> NDArray[np.float64]:
     inside = [p for p in within if ymin <= p[1] - height / 2 and p[1] + height / 2 <= ymax]
     ordered = inside + around + corners if fits else around + corners + within[:1]
     return np.array(ordered, dtype=float)
+
+
+def _middle(shape: BaseGeometry, tolerance: float) -> tuple[float, float]:
+    """Return the centroid of a shape, or where it is widest if it is hollow or has long arms."""
+    middle = shape.centroid
+    if shape.area > _CONVEX * shape.convex_hull.area and middle.covered_by(shape):
+        return middle.x, middle.y
+    largest = max(shapely.get_parts(shape), key=shapely.area)
+    if largest.area == 0:
+        return middle.x, middle.y
+    circle = shapely.maximum_inscribed_circle(largest, tolerance)
+    x, y = shapely.get_coordinates(circle)[0]
+    return float(x), float(y)
 
 
 def _overlap(

@@ -125,8 +125,8 @@ def load_occupancy(
 ) -> OccupancyLayer:
     """Return the map of a map_server YAML file on the disk.
 
-    Like map_server, this accepts any image path: relative to the YAML file, or absolute. Of an
-    absolute path that does not exist here, the file of that name beside the YAML file is taken.
+    Like map_server, this accepts any image path: relative to the YAML file, or absolute. Where it
+    leads nowhere, the picture of that name beside the YAML file is taken, with a warning.
 
     Raises:
         FileMissing: If there is no such file.
@@ -168,13 +168,13 @@ def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
 
 
 def _picture_of(path: Path, image: str) -> Path:
-    """Return the picture's path; that beside the YAML file where an absolute path is elsewhere's.
+    """Return the picture's path; that beside the YAML file where the path it names leads nowhere.
 
-    map_saver writes the absolute path that it was given, so maps name folders of their robots.
+    map_saver writes the path that it was given: a folder of the robot, or one from where it ran.
     """
     named = path.parent / image
     beside = path.parent / Path(image).name
-    if not Path(image).is_absolute() or os.path.lexists(named) or not beside.is_file():
+    if os.path.lexists(named) or not os.path.lexists(beside):
         return named
     logger.warning("%s: image: there is no %s; %s is taken, which lies here", path, image, beside)
     return beside
