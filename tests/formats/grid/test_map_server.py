@@ -436,8 +436,8 @@ def test_thresholds_that_are_missing_are_those_of_map_saver(
     without = YAML.replace("occupied_thresh: 0.65\n", "").replace("free_thresh: 0.196\n", "")
     assert cells(picture(GRAYS), without) == TRINARY
     assert caplog.messages == [
-        "t.hmap/map.yaml: occupied_thresh is missing; taken as 0.65, as in maps of map_saver",
-        "t.hmap/map.yaml: free_thresh is missing; taken as 0.196, as in maps of map_saver",
+        f"t.hmap/map.png: its YAML file has no {key}; taken as {value}, as in maps of map_saver"
+        for key, value in (("occupied_thresh", 0.65), ("free_thresh", 0.196))
     ]
 
 

@@ -137,21 +137,12 @@ def load_occupancy(
 
 
 def parse_map_yaml(content: bytes, path: str) -> MapYaml:
-    """Return the content of a map_server YAML file; warn if it lacks a threshold.
+    """Return the content of a map_server YAML file.
 
     Raises:
         FormatError: Naming the key that is wrong or missing.
     """
-    described = check(MapYaml, read_yaml(content, path, {("image",), ("mode",)}), path)
-    for key in ("occupied_thresh", "free_thresh"):
-        if key not in described.model_fields_set:
-            logger.warning(
-                "%s: %s is missing; taken as %g, as in maps of map_saver",
-                path,
-                key,
-                getattr(described, key),
-            )
-    return described
+    return check(MapYaml, read_yaml(content, path, {("image",), ("mode",)}), path)
 
 
 def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
@@ -192,6 +183,7 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
         FormatError: If it is not a picture, is damaged, or has more pixels than are allowed.
     """
     _warn_of_degrees(described.origin[2], path)
+    _warn_of_missing_thresholds(described, path)
     size = gray_alpha_size(content)
     if size is not None:
         check_cells(size[0] * size[1], f"{size[0]} x {size[1]} cells", path)
@@ -204,6 +196,18 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
     picture = decode_gray(content, path)
     _warn_of_unknown_as_free(picture, described, path)
     return cells_from_picture(picture, described)
+
+
+def _warn_of_missing_thresholds(described: MapYaml, path: str) -> None:
+    for key in ("occupied_thresh", "free_thresh"):
+        if key not in described.model_fields_set:
+            value = getattr(described, key)
+            logger.warning(
+                "%s: its YAML file has no %s; taken as %g, as in maps of map_saver",
+                path,
+                key,
+                value,
+            )
 
 
 def _warn_of_degrees(yaw: float, path: str) -> None:
