@@ -261,6 +261,8 @@ def test_lookup_finds_what_others_publish(
         port.lookup("map", "robot", 500_000_000_000)
     with pytest.raises(FrameError, match="tf has no transform from 'nowhere' to 'map'"):
         port.lookup("map", "nowhere")
+    with pytest.raises(FrameError, match=r"tf has no transform from 'no\\x00where' to 'map'"):
+        port.lookup("map", "no\0where")
 
 
 def test_parameters_are_read_and_change_while_the_node_runs(

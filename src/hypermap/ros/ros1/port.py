@@ -181,8 +181,9 @@ class Ros1Port:
         while True:
             try:
                 found = buffer.lookup_transform(target.lstrip("/"), source.lstrip("/"), stamp_ros)
-            except tf2_ros.TransformException as error:
-                if time.monotonic() < end and not self.is_shut_down:
+            except (tf2_ros.TransformException, ValueError) as error:
+                may_come = not isinstance(error, ValueError)  # as of a name with NUL
+                if may_come and time.monotonic() < end and not self.is_shut_down:
                     time.sleep(0.01)
                     continue
                 raise FrameError(
