@@ -10,6 +10,7 @@ import pytest
 
 from hypermap.cli.experiment_days import run
 from hypermap.cli.experiment_plan import Plan
+from hypermap.experiments.day_causes import CAUSES
 from hypermap.experiments.days import Series, Tally, map_one
 from hypermap.mapping.config import profile
 from hypermap.simulation.levels import errors_of_level
@@ -27,9 +28,11 @@ def demo() -> Tally:
 
 def test_without_errors_most_changes_are_found_and_ids_stay() -> None:
     tally = demo()
-    true, right = sum(tally.true.values()), sum(tally.right.values())
-    assert 1 <= right <= true
-    assert all(tally.right[kind] <= tally.reported[kind] for kind in tally.reported)
+    for counts in (tally.looked, tally.in_sight):
+        true, right = sum(counts.true.values()), sum(counts.right.values())
+        assert 1 <= right <= true
+        assert all(counts.right[kind] <= counts.reported[kind] for kind in counts.reported)
+    assert sum(tally.in_sight.true.values()) <= sum(tally.looked.true.values())
     assert tally.switched <= 0.1 * tally.kept
     found, there, matched = tally.last
     assert matched >= 0.8 * there
@@ -38,9 +41,11 @@ def test_without_errors_most_changes_are_found_and_ids_stay() -> None:
 
 def test_misses_and_errors_are_listed() -> None:
     tally = demo()
-    missed = sum(tally.true.values()) - sum(tally.right.values())
-    wrong = sum(tally.reported.values()) - sum(tally.right.values())
-    assert len(tally.notes) == missed + wrong
+    counts = tally.looked
+    missed = sum(counts.true.values()) - sum(counts.right.values())
+    wrong = sum(counts.reported.values()) - sum(counts.right.values())
+    assert len(tally.notes) == missed + wrong == sum(tally.causes.values())
+    assert {cause.split(": ")[1] for cause in tally.causes} <= CAUSES.keys()
 
 
 def test_the_command_prints_and_saves_the_figures(
@@ -66,7 +71,9 @@ def test_the_command_prints_and_saves_the_figures(
         given_jobs=1,
     )
     run(plan, tmp_path / "days.json", as_json=False, replace=False)
-    assert "ids that changed" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "ids that changed" in printed
+    assert all(cause.split(": ")[1] in printed for cause in demo().causes)
     data = json.loads((tmp_path / "days.json").read_text())
     assert data["command"] == (
         "hypermap experiment days --worlds demo --seeds 1 --first-seed 3 --errors none --drives 2 "
@@ -75,4 +82,5 @@ def test_the_command_prints_and_saves_the_figures(
     assert data["made_with"]["methods"]["default"]["evidence"]["fusion"] == "votes"
     figures = data["worlds"]["demo"]
     assert figures["kept"] == demo().kept
-    assert figures["changes"]["moved"]["true"] == demo().true["moved"]
+    assert figures["changes"]["moved"]["true"] == demo().looked.true["moved"]
+    assert figures["causes"] == dict(demo().causes)

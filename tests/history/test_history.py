@@ -130,6 +130,40 @@ def test_what_mapping_has_found_to_be_moved_is_so_though_its_outline_differs(
     assert change.confidence == (0.7 if says else None)
 
 
+def mapped(hypermap: Hypermap, stamp: float, *objects: SemanticObject) -> Hypermap:
+    """Return a map whose layer a drive has replaced by some objects."""
+    assert hypermap.history is not None
+    other = hypermap.with_layer(SemanticLayer("semantic", "map", objects))
+    other.history = dataclasses.replace(hypermap.history, mapped=Mapped("day", stamp))
+    return grown(other, stamp)
+
+
+def seen(number: int, first: float, last: float) -> SemanticObject:
+    cup = box("cup", 10 * number, number)
+    return dataclasses.replace(cup, first_seen=first, last_seen=last)
+
+
+def told(hypermap: Hypermap) -> list[tuple[str, int | None]]:
+    return [(change.kind, change.object.id) for change in revisions(hypermap)[-1].changes]
+
+
+def test_what_an_earlier_drive_has_detected_already_was_not_added() -> None:
+    monday = mapped(office(), MONDAY, seen(2, MONDAY - 9, MONDAY))
+    both = (seen(2, MONDAY - 9, TUESDAY), seen(3, MONDAY - 5, TUESDAY))
+    tuesday = mapped(monday, TUESDAY, *both, seen(4, TUESDAY - 5, TUESDAY))
+    assert told(tuesday) == [("first seen", 3), ("added", 4)]
+    without = mapped(tuesday, WEDNESDAY, *both)
+    assert told(without) == [("gone", 4)]
+    back = mapped(without, WEDNESDAY + 9, *both, seen(4, TUESDAY - 5, WEDNESDAY + 9))
+    assert told(back) == [("added", 4)]
+
+
+def test_stamps_of_a_clock_that_is_not_set_do_not_tell_what_was_there_before() -> None:
+    monday = mapped(office(), MONDAY, seen(2, MONDAY - 9, MONDAY))
+    tuesday = mapped(monday, TUESDAY, seen(2, MONDAY - 9, MONDAY), seen(3, 5.0, 9.0))
+    assert told(tuesday) == [("added", 3)]
+
+
 def test_a_drive_that_is_mapped_late_does_not_turn_time_back() -> None:
     hypermap = office()
     for time, by in ((TUESDAY, 1.0), (MONDAY, 1.0)):

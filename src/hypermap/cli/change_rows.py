@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from hypermap.core.history import Change
     from hypermap.core.semantic import SemanticObject
 
+_DOUBTFUL = 0.5  # confidence below which an object that came or went probably was not there
+
 
 def named(change: Change) -> str:
     """Return what changed, as tables show it."""
@@ -27,10 +29,16 @@ def place_of(thing: SemanticObject | None) -> str:
 
 
 def distance_of(change: Change) -> str:
-    """Return how far an object was moved, and how likely it is the same."""
-    if change.kind != "moved" or change.distance is None or change.confidence is None:
+    """Return how far an object was moved, and how likely it is the same.
+
+    Of one that came or went, only how likely it is, or was, there, if that is doubtful.
+    """
+    if change.confidence is None:
         return ""
-    return f"{change.distance:.2f} m ({change.confidence:.0%})"
+    sure = f"({change.confidence:.0%})"
+    if change.kind == "moved" and change.distance is not None:
+        return f"{change.distance:.2f} m {sure}"
+    return sure if change.distance is None and change.confidence < _DOUBTFUL else ""
 
 
 def described(change: Change) -> dict[str, Any]:

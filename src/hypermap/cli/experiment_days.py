@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ from hypermap.cli.progress import counting
 from hypermap.cli.terminal import out, say, say_json, table
 
 if TYPE_CHECKING:
-    from hypermap.experiments.days import Tally
+    from hypermap.experiments.days import Counts, Tally
 
 
 def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
@@ -42,7 +43,7 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
         "rate": plan.rate,
         "seeds": list(plan.seed_range),
         "worlds": {name: _figures(tallies) for name, tallies in found.items()},
-        "series": [vars(tally) for tallies in found.values() for tally in tallies],
+        "series": [_record(tally) for tallies in found.values() for tally in tallies],
         "command": plan.command,
         "made_with": made_with(plan.errors, {"default": config}),
     }
@@ -55,14 +56,36 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     say(f"\nfigures  {figures}")
 
 
+def _record(tally: Tally) -> dict[str, Any]:
+    counts = {"looked": vars(tally.looked), "in_sight": vars(tally.in_sight)}
+    return {**vars(tally), **counts}
+
+
 def _figures(tallies: Sequence[Tally]) -> dict[str, Any]:
     """Return the figures of a world over all its series."""
+    causes = sum((tally.causes for tally in tallies), Counter[str]())
+    kept, switched = (sum(getattr(t, name) for t in tallies) for name in ("kept", "switched"))
+    swapped, said = (sum(getattr(t, n) for t in tallies) for n in ("swapped", "swapped_found"))
+    return {
+        "changes": _changes([tally.looked for tally in tallies]),
+        "changes_of_things_in_sight": _changes([tally.in_sight for tally in tallies]),
+        "causes": dict(causes.most_common()),
+        "swapped": {"true": swapped, "reported_as_moved": said},
+        "id_switches": _share(switched, kept),
+        "kept": kept,
+        "first_map": _precision_and_recall([tally.first for tally in tallies]),
+        "last_map": _precision_and_recall([tally.last for tally in tallies]),
+    }
+
+
+def _changes(counts: Sequence[Counts]) -> dict[str, Any]:
+    """Return precision, recall and F1 of each kind of change."""
     from hypermap.experiments.days import KINDS
 
     changes = {}
     for kind in KINDS:
         true, right, said = (
-            sum(getattr(tally, name)[kind] for tally in tallies)
+            sum(getattr(one, name)[kind] for one in counts)
             for name in ("true", "right", "reported")
         )
         changes[kind] = {
@@ -71,16 +94,7 @@ def _figures(tallies: Sequence[Tally]) -> dict[str, Any]:
             "recall": _share(right, true),
             "f1": _share(2 * right, true + said),
         }
-    kept, switched = (sum(getattr(t, name) for t in tallies) for name in ("kept", "switched"))
-    swapped, said = (sum(getattr(t, n) for t in tallies) for n in ("swapped", "swapped_found"))
-    return {
-        "changes": changes,
-        "swapped": {"true": swapped, "reported_as_moved": said},
-        "id_switches": _share(switched, kept),
-        "kept": kept,
-        "first_map": _precision_and_recall([tally.first for tally in tallies]),
-        "last_map": _precision_and_recall([tally.last for tally in tallies]),
-    }
+    return changes
 
 
 def _precision_and_recall(counts: Sequence[tuple[int, int, int]]) -> dict[str, float | None]:
@@ -95,13 +109,15 @@ def _share(part: int, whole: int) -> float | None:
 def _show(name: str, world: dict[str, Any]) -> None:
     from hypermap.experiments.tables import number
 
-    columns = ("changes", "precision", "recall", "F1")
+    columns = ("changes", "precision", "recall", "F1", "F1 in sight")
     rows = table("kind", *columns, right=columns)
     for kind, row in world["changes"].items():
-        shares = (number(row[key]) for key in ("precision", "recall", "f1"))
-        rows.add_row(kind, str(row["true"]), *shares)
+        in_sight = world["changes_of_things_in_sight"][kind]["f1"]
+        shares = (row["precision"], row["recall"], row["f1"], in_sight)
+        rows.add_row(kind, str(row["true"]), *map(number, shares))
     say(f"\n{name}\n")
     out().print(rows)
+    _show_causes(world["causes"])
     swapped = world["swapped"]
     say(f"of {swapped['true']} swapped, {swapped['reported_as_moved']} are said to have moved")
     switches = world["id_switches"]
@@ -111,3 +127,18 @@ def _show(name: str, world: dict[str, Any]) -> None:
         shares = world[when]
         words = (f"{key} {number(shares[key])}" for key in ("precision", "recall"))
         say(f"{when.replace('_', ' ')}: {', '.join(words)}")
+
+
+def _show_causes(causes: dict[str, int]) -> None:
+    """Show how many errors of each kind each cause has."""
+    from hypermap.experiments.day_causes import CAUSES
+    from hypermap.experiments.days import KINDS
+
+    kinds = [f"{error} {kind}" for kind in KINDS for error in ("missed", "wrong")]
+    rows = table("cause", *kinds, right=kinds)
+    for cause in CAUSES:
+        counts = [causes.get(f"{kind}: {cause}", 0) for kind in kinds]
+        if any(counts):
+            rows.add_row(cause, *(str(count or "") for count in counts))
+    say("")
+    out().print(rows)

@@ -22,7 +22,8 @@ ADDED, GONE, EXPIRED = "added", "gone", "expired"
 MOVED, RESHAPED, RENAMED, EDITED = "moved", "reshaped", "renamed", "edited"
 FIRST_SEEN, NOT_REVISITED = "first seen", "not revisited"
 KINDS = (ADDED, GONE, EXPIRED, MOVED, RESHAPED, RENAMED, EDITED, FIRST_SEEN, NOT_REVISITED)
-"""Kinds of changes. The last two are of places that only one of two maps knows."""
+"""Kinds of changes. The last two are of places that only one of two maps knows. What an earlier
+drive has detected, though too seldom, also is "first seen" when it comes onto the map."""
 
 Cause = Literal["mapping", "edit"]
 """What made a revision: frames that were mapped, or a person or a program that changed objects."""
@@ -47,7 +48,8 @@ class Change:
         before: the object before; None if it was not there.
         after: the object after; None if it is not there any more.
         distance: between the centroids [m]; None unless it was there before and after.
-        confidence: how likely the two are one object, 0..1; None unless it was moved.
+        confidence: how likely the two are one object, 0..1, if it was moved; how likely it is, or
+            was, there, if mapping has added it or found it gone; None for other changes.
     """
 
     kind: str

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,11 +18,11 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.history import ADDED, GONE, MOVED, Change
-from hypermap.core.hypermap import Hypermap
-from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.evaluation.matching import match_objects
+from hypermap.experiments.day_causes import cause_of_missed, cause_of_wrong, things_of
 from hypermap.experiments.look_alikes import as_told
+from hypermap.experiments.mapped_day import LOOKED, MappedDay, Shown
 from hypermap.experiments.parallel import in_processes
 from hypermap.history import grown
 from hypermap.mapping.config import MappingConfig
@@ -31,15 +31,13 @@ from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.simulation import Errors, SimulatedRecording, World
 from hypermap.simulation.days import Day, WorldChange, next_day
-from hypermap.simulation.truth import true_objects
 
 FIRST_DAY = 1_763_971_200.0
 """When the first drive begins, in seconds since 1970: 2025-11-24, 8:00 UTC."""
 
 DAY = 86_400.0  # seconds
 
-_LOOKED = 3  # frames that must show a place for it to count as looked at
-_COVERED = 0.5  # share of an object's place that a frame must be able to see
+_PROBABLE = 0.5  # least confidence of an object that came or went
 _NEAR = 0.5  # [m] between the place that is reported and the true one
 _REPORTED = {"moved": MOVED, "removed": GONE, "added": ADDED}
 KINDS = tuple(_REPORTED)
@@ -65,35 +63,57 @@ class Series:
 
 
 @dataclass
+class Counts:
+    """Counts of changes, by kind.
+
+    Attributes:
+        true: those that there were.
+        reported: those that the map reports.
+        right: of these, those that there were.
+    """
+
+    true: Counter[str] = field(default_factory=Counter)
+    reported: Counter[str] = field(default_factory=Counter)
+    right: Counter[str] = field(default_factory=Counter)
+
+    def add(self, kind: str, right: int, missed: int, wrong: int) -> None:
+        """Add changes of one kind."""
+        self.true[kind] += right + missed
+        self.reported[kind] += right + wrong
+        self.right[kind] += right
+
+
+@dataclass
 class Tally:
     """Counts of one series.
 
     Attributes:
         world: name of the world.
         seed: of the series.
-        true: changes where the robot looked on both days, by kind.
-        reported: changes that the map reports where the robot looked on both days, by kind.
-        right: of these, those that there were.
+        looked: changes at places where the robot looked on both days.
+        in_sight: of these, changes of things that it had in sight on each day on which they were
+            there, and those that the map reports without a thing.
         swapped: things that were swapped with one of the same class and size.
         swapped_found: of these, those of which the map says that they were moved.
         kept: true objects that the map had on both days.
         switched: of these, those whose id changed.
         first: objects of the first map, of the truth, and matches at an IoU of 0.25.
         last: the same of the last map.
-        notes: what was missed, and what was wrong.
+        causes: of what was missed and what was wrong, such as "wrong added: ghost".
+        notes: each of these, with its cause.
     """
 
     world: str
     seed: int
-    true: Counter[str] = field(default_factory=Counter)
-    reported: Counter[str] = field(default_factory=Counter)
-    right: Counter[str] = field(default_factory=Counter)
+    looked: Counts = field(default_factory=Counts)
+    in_sight: Counts = field(default_factory=Counts)
     swapped: int = 0
     swapped_found: int = 0
     kept: int = 0
     switched: int = 0
     first: tuple[int, int, int] = (0, 0, 0)
     last: tuple[int, int, int] = (0, 0, 0)
+    causes: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
 
 
@@ -106,7 +126,7 @@ def map_one(series: Series, config: MappingConfig) -> Tally:
     """Map all drives of a series, each onto the map before, and return what came of it."""
     tally = Tally(series.world.name, series.seed)
     day = Day.first(series.world)
-    before: _MappedDay | None = None
+    before: MappedDay | None = None
     for number in range(series.days):
         if number:
             day = next_day(day, 1000 * series.seed + number)
@@ -121,38 +141,9 @@ def map_one(series: Series, config: MappingConfig) -> Tally:
     return tally
 
 
-@dataclass(frozen=True, eq=False)
-class _MappedDay:
-    """A day, the map after its drive, and what the drive could see.
-
-    Attributes:
-        day: the truth.
-        hypermap: the map.
-        visible: what each mapped frame could see of the floor.
-    """
-
-    day: Day
-    hypermap: Hypermap
-    visible: list[BaseGeometry]
-
-    @property
-    def truth(self) -> list[SemanticObject]:
-        """The true objects; their ids are the numbers of the things."""
-        objects = true_objects(self.day.world).objects()
-        pairs = zip(objects, self.day.things, strict=True)
-        return [dataclasses.replace(item, id=thing) for item, thing in pairs]
-
-    def looked_at(self, shape: BaseGeometry) -> bool:
-        """Return whether some frames could see a place."""
-        areas = np.array(self.visible, dtype=object)
-        areas = areas[shapely.intersects(areas, shape)]
-        shares = shapely.area(shapely.intersection(areas, shape)) / shape.area
-        return int(np.count_nonzero(shares >= _COVERED)) >= _LOOKED
-
-
 def _map_day(
-    series: Series, day: Day, number: int, before: _MappedDay | None, config: MappingConfig
-) -> _MappedDay:
+    series: Series, day: Day, number: int, before: MappedDay | None, config: MappingConfig
+) -> MappedDay:
     seed = 1000 * series.seed + number
     recording = SimulatedRecording.with_errors(
         day.world, series.errors, rate=series.rate, seed=seed
@@ -162,14 +153,16 @@ def _map_day(
         mapper = Mapper(config, _detections, _laser_map(recording), drive=name)
     else:
         mapper = Mapper.onto(before.hypermap, _detections, config, name)
-    visible = []
+    visible, shown = [], Shown(day, config.evidence.max_range)
     for frame in recording.frames():
+        shown.add(frame, recording.sightings)
         stamp = FIRST_DAY + number * DAY + frame.stamp
         later = dataclasses.replace(frame, stamp=stamp, color_stamp=stamp)
         observation = mapper.add(later)
         if observation is not None:
             visible.append(observation.visible_area)
-    return _MappedDay(day, grown(mapper.hypermap(), FIRST_DAY + number * DAY), visible)
+    hypermap = grown(mapper.hypermap(), FIRST_DAY + number * DAY)
+    return MappedDay(day, hypermap, visible, shown)
 
 
 def _detections(frame: RgbdFrame) -> Detections:
@@ -182,32 +175,57 @@ def _laser_map(recording: SimulatedRecording) -> OccupancyLayer:
     return layer
 
 
-def _count_day(tally: Tally, before: _MappedDay, after: _MappedDay) -> None:
+def _count_day(tally: Tally, before: MappedDay, after: MappedDay) -> None:
     history = after.hypermap.history
     assert history is not None
     revision = history.revisions()[-1]
-    said, drive = list(revision.changes), f"{after.day.world.name}, {revision.drive}"
-    changes, mistaken = as_told(after.day.changes, said, _NEAR)
-    true = [change for change in changes if _is_seen(change, before, after)]
-    for kind, reported_as in _REPORTED.items():
-        of_kind = [change for change in true if change.kind == kind]
-        reported = [one for one in said if one.kind == reported_as]
-        reported = [one for one in reported if _is_known(one, before, after)]
-        pairs = _pairs(of_kind, reported)
-        swaps = [change for change in after.day.changes if change.kind == "swapped"]
-        others = [one for i, one in enumerate(reported) if i not in {j for _, j in pairs}]
-        excused = {j for _, j in _pairs(swaps, others)} if kind == "moved" else set()
-        tally.true[kind] += len(of_kind)
-        tally.reported[kind] += len(reported) - len(excused)
-        tally.right[kind] += len(pairs)
-        if kind == "moved":
-            tally.swapped += sum(_is_seen(change, before, after) for change in swaps)
-            tally.swapped_found += len(excused)
-        missed = [of_kind[i] for i in range(len(of_kind)) if i not in {a for a, _ in pairs}]
-        wrong = [one for j, one in enumerate(others) if j not in excused]
-        tally.notes += [f"{drive}: missed {_told(change)}" for change in missed]
-        tally.notes += [f"{drive}: wrong {_said(change)}" for change in wrong]
+    said = list(revision.changes)
+    true, mistaken = as_told(after.day.changes, said, _NEAR)
+    for kind in KINDS:
+        _count_kind(tally, kind, true, said, (before, after), f"{revision.drive}")
     _count_ids(tally, before, after, mistaken)
+
+
+def _count_kind(
+    tally: Tally,
+    kind: str,
+    true: Sequence[WorldChange],
+    said: Sequence[Change],
+    days: tuple[MappedDay, MappedDay],
+    drive: str,
+) -> None:
+    """Count the changes of one kind, true ones and those that the map reports."""
+    of_kind = [one for one in true if one.kind == kind and _is_seen(_places(one), days)]
+    reported = [one for one in said if one.kind == _REPORTED[kind] and _is_probable(one)]
+    reported = [one for one in reported if _is_seen(_centers(one), days)]
+    pairs = _pairs(of_kind, reported)
+    found, right = {i for i, _ in pairs}, {j for _, j in pairs}
+    others = [one for j, one in enumerate(reported) if j not in right]
+    swaps = [change for change in days[1].day.changes if change.kind == "swapped"]
+    excused = {j for _, j in _pairs(swaps, others)} if kind == "moved" else set()
+    if kind == "moved":
+        tally.swapped += sum(_is_seen(_places(change), days) for change in swaps)
+        tally.swapped_found += len(excused)
+    missed = [one for i, one in enumerate(of_kind) if i not in found]
+    wrong = [one for j, one in enumerate(others) if j not in excused]
+    tally.looked.add(kind, len(pairs), len(missed), len(wrong))
+    in_sight = [of_kind[i] for i, _ in pairs if _was_in_sight([of_kind[i].thing], days)]
+    missed_in_sight = [one for one in missed if _was_in_sight([one.thing], days)]
+    wrong_in_sight = [one for one in wrong if _was_in_sight(things_of(one, *days), days)]
+    tally.in_sight.add(kind, len(in_sight), len(missed_in_sight), len(wrong_in_sight))
+    found_causes = [
+        (f"missed {_told(one)}", f"missed {kind}: {cause_of_missed(one, *days)}") for one in missed
+    ]
+    found_causes += [
+        (f"wrong {_said(one)}", f"wrong {kind}: {cause_of_wrong(one, *days)}") for one in wrong
+    ]
+    tally.causes.update(cause for _, cause in found_causes)
+    tally.notes += [f"{drive}: {told} ({cause})" for told, cause in found_causes]
+
+
+def _is_probable(said: Change) -> bool:
+    """Return whether the object of a reported change is, or was, more probable than not."""
+    return said.kind == MOVED or said.confidence is None or said.confidence >= _PROBABLE
 
 
 def _told(change: WorldChange) -> str:
@@ -222,20 +240,29 @@ def _said(change: Change) -> str:
     return f"{change.kind} {change.object.name} {[(round(e.x, 1), round(e.y, 1)) for e in ends]}"
 
 
-def _places(change: WorldChange) -> list[tuple[float, float]]:
-    return [one.place for one in (change.before, change.after) if one is not None]
+def _places(change: WorldChange) -> list[BaseGeometry]:
+    ends = (change.before, change.after)
+    return [shapely.Point(one.place) for one in ends if one is not None]
 
 
-def _is_seen(change: WorldChange, before: _MappedDay, after: _MappedDay) -> bool:
+def _centers(change: Change) -> list[BaseGeometry]:
+    ends = (change.before, change.after)
+    return [one.footprint.centroid for one in ends if one is not None]
+
+
+def _is_seen(places: Sequence[BaseGeometry], days: tuple[MappedDay, MappedDay]) -> bool:
     """Return whether the robot looked at all places of a change, on both days."""
-    spots = [shapely.Point(place).buffer(0.15) for place in _places(change)]
-    return all(day.looked_at(spot) for spot in spots for day in (before, after))
+    return all(day.looked_at(place) for place in places for day in days)
 
 
-def _is_known(change: Change, before: _MappedDay, after: _MappedDay) -> bool:
-    items = [one for one in (change.before, change.after) if one is not None]
-    spots = [item.footprint.centroid.buffer(0.15) for item in items]
-    return all(day.looked_at(spot) for spot in spots for day in (before, after))
+def _was_in_sight(things: Iterable[int], days: tuple[MappedDay, MappedDay]) -> bool:
+    """Return whether the drives of both days showed things, where these were there."""
+    return all(
+        day.frames_of(thing)[0] >= LOOKED
+        for thing in things
+        for day in days
+        if day.place_of(thing) is not None
+    )
 
 
 def _pairs(true: Sequence[WorldChange], said: Sequence[Change]) -> list[tuple[int, int]]:
@@ -264,13 +291,13 @@ def _cost(true: WorldChange, said: Change) -> float:
 
 
 def _count_ids(
-    tally: Tally, before: _MappedDay, after: _MappedDay, mistaken: AbstractSet[int]
+    tally: Tally, before: MappedDay, after: MappedDay, mistaken: AbstractSet[int]
 ) -> None:
     """Count the true objects that kept their ids from one map to the next.
 
     Those that were swapped or `mistaken` for others that look alike do not count.
     """
-    ids = [_ids_of_things(day) for day in (before, after)]
+    ids = [day.id_of for day in (before, after)]
     swapped = {change.thing for change in after.day.changes if change.kind == "swapped"}
     both = (ids[0].keys() & ids[1].keys()) - swapped - mistaken
     switched = {thing for thing in both if ids[0][thing] != ids[1][thing]}
@@ -278,16 +305,8 @@ def _count_ids(
     tally.switched += len(switched)
 
 
-def _ids_of_things(day: _MappedDay) -> dict[int, int]:
-    """Return the id in the map of each true object that it has."""
-    truth, found = day.truth, day.hypermap.semantic().objects()
-    matches = match_objects(found, truth)
-    pairs = ((truth[m.ground_truth].id, found[m.estimate].id) for m in matches)
-    return {thing: number for thing, number in pairs if thing is not None and number is not None}
-
-
-def _static(day: _MappedDay) -> tuple[int, int, int]:
+def _static(day: MappedDay) -> tuple[int, int, int]:
     """Return how many objects a map and the truth have, and how many match at an IoU of 0.25."""
-    found, truth = day.hypermap.semantic().objects(), day.truth
+    found, truth = day.objects, day.truth
     matches = [match for match in match_objects(found, truth) if match.iou >= 0.25]
     return len(found), len(truth), len(matches)

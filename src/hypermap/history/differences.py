@@ -10,8 +10,10 @@ import shapely
 
 from hypermap.core.history import (
     ADDED,
+    EARLIEST,
     EDITED,
     EXPIRED,
+    FIRST_SEEN,
     GONE,
     MOVED,
     RENAMED,
@@ -56,11 +58,14 @@ def differences(
     found: dict[int, Change] = {}
     for row, number in enumerate(old.ids.tolist()):
         if number not in at:
-            found[number] = _left(layer.name, old.object(row), now)
+            found[number] = _left(layer.name, old.object(row), cause, now)
     was = {number: row for row, number in enumerate(old.ids.tolist())}
+    known_until = float(np.fmax.reduce(old.last_seen, initial=-np.inf))
     for number, row in at.items():
         if number not in was:
-            found[number] = Change(ADDED, layer.name, None, new.object(row))
+            item = new.object(row)
+            kind, sure = _came(item, cause, known_until), _sureness(item, cause)
+            found[number] = Change(kind, layer.name, None, item, confidence=sure)
     both = [number for number in at if number in was]
     rows = np.array([[was[number], at[number]] for number in both], np.int64).reshape(-1, 2)
     for i in _suspicious(old, new, rows):
@@ -84,10 +89,34 @@ def _suspicious(old: ObjectTable, new: ObjectTable, rows: Any) -> list[int]:
     return np.flatnonzero(~same).tolist()
 
 
-def _left(layer: str, item: SemanticObject, now: float) -> Change:
+def _came(item: SemanticObject, cause: Cause, known_until: float) -> str:
+    """Return the kind of change of an object that was not on the map before.
+
+    What mapping has detected already, though too seldom for the map, was there before.
+
+    Args:
+        item: the object.
+        cause: what has put it there.
+        known_until: the newest stamp of the objects before [s].
+    """
+    if cause == "edit" or item.first_seen is None or item.first_seen < EARLIEST:
+        return ADDED
+    return FIRST_SEEN if item.first_seen <= known_until else ADDED
+
+
+def _left(layer: str, item: SemanticObject, cause: Cause, now: float) -> Change:
     moment = expiry_of(item)
-    is_over = moment is not None and moment <= now
-    return Change(EXPIRED if is_over else GONE, layer, item, None)
+    if moment is not None and moment <= now:
+        return Change(EXPIRED, layer, item, None)
+    return Change(GONE, layer, item, None, confidence=_sureness(item, cause))
+
+
+def _sureness(item: SemanticObject, cause: Cause) -> float | None:
+    """Return how likely it is that an object which came or went is, or was, there; None if edited.
+
+    An object that was doubtful, and is not on the map any more, probably never was there.
+    """
+    return None if cause == "edit" or not item.confidence else max(item.confidence)
 
 
 def _changed(layer: str, old: SemanticObject, new: SemanticObject, cause: Cause) -> Change | None:

@@ -4,9 +4,19 @@ from __future__ import annotations
 
 import copy
 import secrets
+from collections.abc import Set
 from dataclasses import replace
 
-from hypermap.core.history import MAP_ID, MAP_VERSION, Cause, Change, History, Revision
+from hypermap.core.history import (
+    ADDED,
+    FIRST_SEEN,
+    MAP_ID,
+    MAP_VERSION,
+    Cause,
+    Change,
+    History,
+    Revision,
+)
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.history.differences import differences
@@ -84,4 +94,14 @@ def _changes(
 ) -> list[Change]:
     names = dict.fromkeys((*history.layers, *layers))
     pairs = ((history.layers.get(name), layers.get(name)) for name in names)
-    return [change for pair in pairs for change in differences(*pair, cause, now)]
+    found = [change for pair in pairs for change in differences(*pair, cause, now)]
+    if all(change.kind != FIRST_SEEN for change in found):  # the history need not be read
+        return found
+    known = {(one.layer, one.object.id) for each in history.revisions() for one in each.changes}
+    return [_as_returned(change, known) for change in found]
+
+
+def _as_returned(change: Change, known: Set[tuple[str, int | None]]) -> Change:
+    """Return a change as one that was added, if its object was on the map earlier, and gone."""
+    is_back = change.kind == FIRST_SEEN and (change.layer, change.object.id) in known
+    return replace(change, kind=ADDED) if is_back else change
