@@ -238,16 +238,48 @@ def test_an_object_that_moves_to_where_another_was_stays_itself() -> None:
     assert only(evidence).id == 1
 
 
+def after_looks_of_another_drive(
+    shape: shapely.Polygon, *shown: shapely.Polygon, name: str = "chair"
+) -> list[SemanticObject]:
+    """Return the objects left after 12 looks at one that was seen often; rays end in its place.
+
+    Args:
+        shape: of the object.
+        shown: what all these looks show.
+        name: its class.
+    """
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(12):
+        evidence.update(viewed(seen(shape, stamp=second), level(2.0)))
+    for second in range(12):
+        evidence.update(viewed(seen(*shown, name=name, stamp=DAY + second), level(2.0)))
+    return evidence.objects()
+
+
+SMALL = square(2.05, side=0.2)
+
+
 def test_an_object_that_was_seen_often_is_gone_after_a_few_looks_of_another_drive() -> None:
-    seen_often, seen_once_more = EvidenceMap(DEFAULT), EvidenceMap(DEFAULT)
-    for evidence in (seen_often, seen_once_more):
-        for second in range(12):
-            evidence.update(viewed(seen(CHAIR, stamp=second), level(2.0)))
-        for second in range(12):
-            shown = [CHAIR] if evidence is seen_once_more and second == 0 else []
-            evidence.update(viewed(seen(*shown, stamp=DAY + second), level(2.0)))
-    assert seen_often.objects() == []
+    assert after_looks_of_another_drive(SMALL) == []
+    seen_once_more = EvidenceMap(DEFAULT)
+    for stamp in (*range(12), DAY):
+        seen_once_more.update(viewed(seen(SMALL, stamp=stamp), level(2.0)))
+    for second in range(1, 12):
+        seen_once_more.update(viewed(seen(stamp=DAY + second), level(2.0)))
     assert len(seen_once_more.objects()) == 1
+
+
+def test_a_large_object_that_is_not_detected_stays_while_rays_end_in_its_place() -> None:
+    assert [item.id for item in after_looks_of_another_drive(CHAIR)] == [0]
+
+
+def test_a_large_object_is_gone_where_another_one_is_shown_in_its_place() -> None:
+    beside = shapely.box(1.9, 0.2, 2.4, 0.7)
+    left = after_looks_of_another_drive(CHAIR, beside, name="bin")
+    assert [item.name for item in left] == ["bin"]
+    away = shapely.box(1.9, 0.5, 2.4, 1.0)
+    left = after_looks_of_another_drive(CHAIR, away, name="bin")
+    assert [item.name for item in left] == ["chair", "bin"]
 
 
 def test_what_is_gone_for_long_costs_little() -> None:

@@ -18,6 +18,8 @@ from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation
 
 _VISIBLE = 0.5  # share of an object that must be visible for a missed detection
+_FILLED = 0.5  # share of its visible samples whose rays end there, if something is there
+_AS_HIGH = 0.5  # share of its height in which another object must be to be there instead
 _ABSENT = 0.9  # share of its observable samples that rays must pass for it to be absent
 _SAME_PLACE = 0.5  # share of a track in another one, from which they are one object
 _USUAL_RATE = 0.8  # share of the frames that should show an object in which it is found
@@ -92,8 +94,12 @@ def _penalize_by_rays(
     for i in np.flatnonzero(seen.visible >= _VISIBLE).tolist():
         buffer, spared = tracks.objects[rows[i]].buffer, 0.0
         if stamp - buffer.last_seen > STALE:
-            missed = config.stale_miss if buffer.count >= _WELL_SEEN else config.loss
-            loss = config.stale_loss if is_gone[i] else missed
+            loss = config.stale_loss if is_gone[i] else config.loss
+            if not is_gone[i] and buffer.count >= _WELL_SEEN:
+                is_large = samples[i].width > 2 * config.tolerance
+                is_filled = is_large and 1 - seen.beyond[i] / seen.visible[i] >= _FILLED
+                if not is_filled or _touches_another(tracks, rows[i], shown):
+                    loss = config.stale_miss
         elif is_absent[i]:
             loss = config.gone_loss
         else:
@@ -120,6 +126,23 @@ def _loss_of_miss(
     found = tracks.objects[row].buffer.count + _USUAL_RATE
     rate = found / (found + tracks.misses.item(row) + 1 - _USUAL_RATE)
     return config.loss * min(1.0, math.log1p(-rate) / math.log1p(-_USUAL_RATE))
+
+
+def _touches_another(tracks: TrackTable, row: int, shown: Sequence[int]) -> bool:
+    """Return whether the frame shows an object of another class that reaches into a track.
+
+    Then this, and not the track's own object, may be what rays end at.
+    """
+    shapes = tracks.shapes
+    low, high = shapes.heights[row].tolist()
+    for other in shown:
+        z_min, z_max = shapes.heights[other].tolist()
+        is_another = shapes.classes[other] != shapes.classes[row]
+        is_as_high = min(high, z_max) - max(low, z_min) >= _AS_HIGH * (high - low)
+        touches = shared_area(shapes.polygons[row], shapes.polygons[other]) > 0
+        if is_another and is_as_high and touches:
+            return True
+    return False
 
 
 def _is_part_of_one(tracks: TrackTable, row: int, others: Sequence[int]) -> bool:

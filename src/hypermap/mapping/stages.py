@@ -117,7 +117,8 @@ class EvidenceConfig:
         gone_loss: existence lost by a see-through, for "rays": rays passed through the object's
             place.
         stale_loss: the same for an object not seen for an hour, as since another drive.
-        stale_miss: existence that such an object loses by a missed detection, if it was seen often.
+        stale_miss: existence that such an object loses by a missed detection, if it was seen often;
+            not where rays still end in its place.
         moves: whether an object that is gone, while one of its class and shape appears at another
             place, is the same object, moved.
         contested: existence lost by a conflict: a frame shows another class in the object's place.
