@@ -24,7 +24,7 @@ CAUSES: Mapping[str, str] = {
     "double": "a second object of one thing",
     "another class": "an object of another class at the place of a thing",
     "ghost": "an object where there is no thing",
-    "real": "the thing changed like this, but does not count, or its place is wrong",
+    "real": "the thing changed like this, but the report does not count, or its place is wrong",
 }
 """What the causes mean, in the order of the stages."""
 
@@ -98,8 +98,8 @@ def _cause_of_end(item: SemanticObject, day: MappedDay, before: MappedDay, after
 
 
 def _is_unmoved(thing: int, before: MappedDay, after: MappedDay) -> bool:
-    ends = before.place_of(thing), after.place_of(thing)
-    return ends[0] is not None and ends[1] is not None and math.dist(*ends) < MIN_MOVED
+    was, now = before.place_of(thing), after.place_of(thing)
+    return was is not None and now is not None and math.dist(was, now) < MIN_MOVED
 
 
 def _why_unknown(thing: int, day: MappedDay) -> str:
