@@ -7,8 +7,10 @@ export const SIDES = ["on", "low", "high", "right", "above", "below", "left"] as
 export type Side = (typeof SIDES)[number];
 
 export interface Named {
-  /** Of the shape. */
+  /** Around the shape. */
   box: Box;
+  /** The shape itself; without it, the box is taken. */
+  shape?: { meets: (box: Box) => boolean; holds: (point: [number, number]) => boolean };
   /** Where its name belongs, if there is room. */
   at: [number, number];
   /** Width and height of the name [pixels]. */
@@ -19,6 +21,8 @@ export interface Named {
 export const GAP = 4;
 /** A shape is large enough for its label if this many labels would fit side by side. */
 const ROOM = 1.25;
+/** The same, where its label would stand nowhere else. */
+const TIGHT = 0.87;
 /** Vertical offset of a name that is not in the middle [its heights]. */
 export const STEP = 1.4;
 /** Side of the squares of the spatial index [pixels]. */
@@ -28,25 +32,33 @@ const NEAR = 64;
  * each other nor on other things, unless those bear what is named, as a table bears a cup; and
  * within bounds where they can. Large things choose first. */
 export function placeLabels(things: Named[], bounds: Box | null = null): (Side | null)[] {
-  const boxes = new Nearby();
-  const names = new Nearby();
-  for (const { box } of things) boxes.add(box);
+  const others = new Nearby<Named>();
+  const names = new Nearby<{ box: Box }>();
+  for (const thing of things) others.add(thing);
   const placed = new Array<Side | null>(things.length).fill(null);
   const order = things.map((_, i) => i).sort((a, b) => area(things[b].box) - area(things[a].box));
   for (const i of order) {
     const thing = things[i];
-    const bears = (box: Box) => holds(box, middle(thing.box)) && area(box) > area(thing.box);
-    const isFree = (name: Box) =>
+    const isFree = (name: Box, bears: (other: Named) => boolean) =>
       !names.meeting(name).length &&
-      !boxes.meeting(name).some((box) => box !== thing.box && !bears(box));
-    const sides = SIDES.filter((side) => !ON.has(side) || isWithin(thing, side));
-    const free = sides.filter((side) => isFree(nameAt(thing, side)));
-    const side = free.find((side) => !bounds || isIn(nameAt(thing, side), bounds)) ?? free[0];
+      !others
+        .meeting(name)
+        .some((other) => other !== thing && (other.shape?.meets(name) ?? true) && !bears(other));
+    const best = (bears: (other: Named) => boolean) => {
+      const sides = SIDES.filter((side) => !ON.has(side) || isWithin(thing, side, ROOM));
+      const free = sides.filter((side) => isFree(nameAt(thing, side), bears));
+      return free.find((side) => !bounds || isIn(nameAt(thing, side), bounds)) ?? free[0];
+    };
+    const isLarger = (other: Named) => area(other.box) > area(thing.box);
+    const center = middle(thing.box);
+    const onShape = best((other) => isLarger(other) && holds(other, center));
     // A name on its own shape may cover objects on that shape rather than be left out.
-    const hasRoom = isWithin(thing, "on") && !names.meeting(nameAt(thing, "on")).length;
+    const hasRoom = isWithin(thing, "on", TIGHT) && !names.meeting(nameAt(thing, "on")).length;
     const own = hasRoom ? "on" : null;
-    placed[i] = side ?? own;
-    if (placed[i]) names.add(nameAt(thing, placed[i]));
+    // So may a name on what surrounds its shape, as a hall surrounds a small room.
+    const around = () => best((other) => isLarger(other) && isAround(other.box, center));
+    placed[i] = onShape ?? own ?? around() ?? null;
+    if (placed[i]) names.add({ box: nameAt(thing, placed[i]) });
   }
   return placed;
 }
@@ -71,38 +83,40 @@ function nameAt({ box, at, size: [width, height] }: Named, side: Side): Box {
 const ON: ReadonlySet<Side> = new Set(["on", "low", "high"]);
 
 /** Whether a name that is placed on its object is within it. */
-function isWithin(thing: Named, side: Side): boolean {
+function isWithin(thing: Named, side: Side, room: number): boolean {
   const { box, size } = thing;
   const [, low, , high] = nameAt(thing, side);
-  return ROOM * size[0] <= box[2] - box[0] && box[1] <= low && high <= box[3];
+  return room * size[0] <= box[2] - box[0] && box[1] <= low && high <= box[3];
 }
 
 const middle = ([x0, y0, x1, y1]: Box): [number, number] => [(x0 + x1) / 2, (y0 + y1) / 2];
 const area = ([x0, y0, x1, y1]: Box): number => (x1 - x0) * (y1 - y0);
 const isIn = (box: Box, bounds: Box): boolean =>
   bounds[0] <= box[0] && bounds[1] <= box[1] && box[2] <= bounds[2] && box[3] <= bounds[3];
-const holds = ([x0, y0, x1, y1]: Box, [x, y]: [number, number]): boolean =>
+const isAround = ([x0, y0, x1, y1]: Box, [x, y]: [number, number]): boolean =>
   x0 <= x && x <= x1 && y0 <= y && y <= y1;
+const holds = ({ box, shape }: Named, point: [number, number]): boolean =>
+  isAround(box, point) && (shape?.holds(point) ?? true);
 
-/** Boxes by the squares that they reach into. */
-class Nearby {
-  private readonly squares = new Map<string, Box[]>();
-  /** Boxes that overlap very many squares. */
-  private readonly large: Box[] = [];
+/** Things with boxes by the squares that these reach into. */
+class Nearby<Thing extends { box: Box }> {
+  private readonly squares = new Map<string, Thing[]>();
+  /** Things whose boxes overlap very many squares. */
+  private readonly large: Thing[] = [];
 
-  add(box: Box): void {
-    if (area(box) > 400 * NEAR * NEAR) return void this.large.push(box);
-    for (const key of squaresOf(box)) {
+  add(thing: Thing): void {
+    if (area(thing.box) > 400 * NEAR * NEAR) return void this.large.push(thing);
+    for (const key of squaresOf(thing.box)) {
       const here = this.squares.get(key);
-      if (here) here.push(box);
-      else this.squares.set(key, [box]);
+      if (here) here.push(thing);
+      else this.squares.set(key, [thing]);
     }
   }
 
-  meeting([x0, y0, x1, y1]: Box): Box[] {
+  meeting([x0, y0, x1, y1]: Box): Thing[] {
     const near = squaresOf([x0, y0, x1, y1]).flatMap((key) => this.squares.get(key) ?? []);
     return [...near, ...this.large].filter(
-      (box) => box[0] < x1 && x0 < box[2] && box[1] < y1 && y0 < box[3],
+      ({ box }) => box[0] < x1 && x0 < box[2] && box[1] < y1 && y0 < box[3],
     );
   }
 }

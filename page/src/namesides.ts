@@ -35,10 +35,15 @@ export class NameSides {
   private place(resolution: number): Map<Feature, Side | null> {
     const features = this.naming.features(resolution);
     const pixels = (values: number[]) => values.map((value) => value / resolution);
+    const meters = (values: number[]) => values.map((value) => value * resolution);
     const bounds = this.naming.bounds();
     const sides = placeLabels(
       features.map((feature) => ({
         box: pixels(feature.getGeometry()?.getExtent() ?? []) as Box,
+        shape: {
+          meets: (box) => feature.getGeometry()?.intersectsExtent(meters(box)) ?? false,
+          holds: (point) => feature.getGeometry()?.intersectsCoordinate(meters(point)) ?? false,
+        },
         at: pixels((feature.get("at") as PointGeometry).getCoordinates()) as [number, number],
         size: this.naming.sizeOf(feature),
       })),

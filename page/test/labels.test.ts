@@ -22,6 +22,23 @@ test("a name lies on no other thing, but on what bears its own", () => {
   assert.deepEqual(placeLabels([lamp, chair]), ["below", "on"]);
 });
 
+test("a name stands in a room that the box around a corridor with a corner reaches into", () => {
+  const room = thing([0, 0, 300, 200]);
+  const corner: Named = {
+    ...thing([20, 20, 250, 150]),
+    // Along the left and the lower side of its box.
+    shape: {
+      meets: ([x0, y0, x1]) => x0 < 30 || (y0 < 30 && x1 > 20),
+      holds: ([x, y]) => x < 30 || y < 30,
+    },
+  };
+  assert.equal(placeLabels([room, corner])[0], "on");
+  const box = { ...corner, shape: undefined };
+  assert.notEqual(placeLabels([room, box])[0], "on");
+  const cupboard = thing([50, 60, 70, 80]); // in the room, and not in the corridor
+  assert.deepEqual(placeLabels([corner, cupboard])[1], "right");
+});
+
 test("a name stands within the map rather than outside", () => {
   const lamp = thing([80, 40, 100, 60]);
   assert.deepEqual(placeLabels([lamp]), ["right"]);
