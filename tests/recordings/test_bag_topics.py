@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from hypermap.recordings import RecordingOptions
+from hypermap.recordings import RecordingOptions, open_recording
 from hypermap.recordings.bag.file import Topic
 from hypermap.recordings.bag.topics import (
     CAMERA_INFO,
@@ -16,6 +18,9 @@ from hypermap.recordings.bag.topics import (
     TRANSFORMS,
     choose_topics,
 )
+
+from .bag_builder import BagBuilder, add_poses, camera_info, image
+from .shots import SHOTS
 
 OPENNI = {
     "/camera/depth/camera_info": CAMERA_INFO,
@@ -132,6 +137,25 @@ def test_a_choice_among_several_is_noted() -> None:
     assert choose_topics(topics, RecordingOptions()).notes == (
         "/camera_0/rgb is used; also there: /camera_1/rgb, /camera_2/rgb, /camera_3/rgb and 2 "
         "more (--color-topic)",
+    )
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_depth_that_no_name_tells_is_found_by_its_encoding(tmp_path: Path, kind: str) -> None:
+    with BagBuilder(tmp_path, kind) as bag:
+        add_poses(bag, SHOTS)
+        for shot in SHOTS:
+            bag.add("/oak/rgb/image_raw", IMAGE, shot.stamp, image(shot.color, "rgb8", shot.stamp))
+            depth = image(shot.depth_mm, "16UC1", shot.stamp)
+            bag.add("/oak/stereo/image_raw", IMAGE, shot.stamp, depth)
+            bag.add("/oak/stereo/camera_info", CAMERA_INFO, shot.stamp, camera_info(shot.stamp))
+    recording = open_recording(bag.path)
+    for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        assert frame.color is not None
+        np.testing.assert_array_equal(frame.color, shot.color)
+        np.testing.assert_array_equal(np.nan_to_num(1000 * frame.depth).round(), shot.depth_mm)
+    assert recording.info().notes[0] == (
+        "/oak/stereo/image_raw is taken as depth, because of its encoding 16UC1"
     )
 
 

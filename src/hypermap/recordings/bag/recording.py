@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -22,8 +23,9 @@ from hypermap.recordings.bag.file import BagFile
 from hypermap.recordings.bag.plan import BagPlan
 from hypermap.recordings.bag.reader import FrameMessages, MessageReader
 from hypermap.recordings.bag.stream import stream_frames
-from hypermap.recordings.bag.topics import ChosenTopics, choose_topics
+from hypermap.recordings.bag.topics import ChosenTopics, choose_topics, may_hold_depth
 from hypermap.recordings.messages.header import as_seconds
+from hypermap.recordings.messages.images import DEPTH_ENCODINGS
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.recordings.options import RecordingOptions
 
@@ -177,9 +179,24 @@ class BagRecording:
     def _topics(self) -> ChosenTopics:
         topics = self._bag.topics
         try:
-            return choose_topics(topics, self._options)
+            chosen = choose_topics(topics, self._options)
+            if chosen.geometry is None and (found := self._depth_by_encoding()):
+                name, encoding = found
+                chosen = choose_topics(topics, replace(self._options, depth_topic=name))
+                note = f"{name} is taken as depth, because of its encoding {encoding}"
+                chosen = replace(chosen, notes=(note, *chosen.notes))
+            return chosen
         except FormatError as error:
             raise FormatError(str(error), path=self._path) from None
+
+    def _depth_by_encoding(self) -> tuple[str, str] | None:
+        """Return the first topic whose first image is depth, as of OAK-D's stereo, and how."""
+        for topic in filter(may_hold_depth, self._bag.topics):
+            for _, _, message in self._bag.messages([topic.name], on_damaged=lambda *_: None):
+                if message.encoding in DEPTH_ENCODINGS:
+                    return topic.name, message.encoding
+                break
+        return None
 
     @cached_property
     def _plan(self) -> BagPlan:

@@ -80,7 +80,11 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
     cloud = choice.pick("cloud", options.cloud_topic, _is(CLOUD), _is(CLOUD), _cloud_rank)
     near = depth.name if depth else cloud.name if cloud else ""
     color = choice.pick(
-        "color", options.color_topic, _is(IMAGE, COMPRESSED), _is_color, _color_rank(near)
+        "color",
+        options.color_topic,
+        _is(IMAGE, COMPRESSED),
+        lambda topic: _is_color(topic) and topic != depth,
+        _color_rank(near),
     )
     info = choice.pick(
         "camera-info",
@@ -113,6 +117,11 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
         _color_info(choice.topics, color) if options.register else None,
         tuple(choice.notes),
     )
+
+
+def may_hold_depth(topic: Topic) -> bool:
+    """Return whether the images of a topic may be depth, although its name does not say so."""
+    return topic.type == IMAGE and topic.count > 0 and _is_color(topic)
 
 
 def _color_info(topics: Sequence[Topic], color: Topic | None) -> Topic | None:

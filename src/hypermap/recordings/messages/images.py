@@ -16,6 +16,9 @@ from hypermap.recordings.messages.header import octets
 from hypermap.recordings.messages.raw_colors import color_of_yuv422, demosaic
 from hypermap.recordings.pictures import decode_color, depth_in_meters
 
+DEPTH_ENCODINGS = ("16UC1", "32FC1")
+"""Of images that can only be depth; mono16 may also be infrared."""
+
 _INTEGER_DEPTH = ("16UC1", "mono16")
 _CHANNELS = {  # which channels are red, green and blue, and of how many
     "rgb8": ((0, 1, 2), 3),
