@@ -204,6 +204,13 @@ def test_what_stands_in_no_room_is_counted_apart(flat: Hypermap) -> None:
     assert answer.notes == ("1 more is in no room",)
 
 
+def test_a_room_is_called_by_its_name_and_not_by_its_number(flat: Hypermap) -> None:
+    answer = answer_to(flat, "how far is the kitchen from the chair")
+    [kitchen] = [room for room in answer.rooms if room is not None]
+    assert [note.split(" is ")[0] for note in answer.notes] == ["kitchen"]
+    assert next(iter(lines(flat, answer))).startswith(f"kitchen (id {kitchen.id}) at (")
+
+
 def test_an_unknown_tag_is_named_beside_those_that_are_known(flat: Hypermap) -> None:
     (note,) = answer_to(flat, "what is tagged woden").notes
     assert note == "nothing there has the tag 'woden'; did you mean 'wooden'?"

@@ -225,7 +225,7 @@ def _title(room: Room | None) -> str:
     if room is None:
         return "in no room"
     x, y = room.outline.representative_point().coords[0]
-    return f"{printable(room.name)} (room {room.id}) at ({x:.2f}, {y:.2f}), {room.area:.1f} m²"
+    return f"{printable(room.name)} (id {room.id}) at ({x:.2f}, {y:.2f}), {room.area:.1f} m²"
 
 
 def _counted(room: Room | None, count: int) -> str:

@@ -300,7 +300,7 @@ class _Asking:
             near = shapely.union_all(self._finder.others(query.start or ASKER).shapes)
             far = {room.id: float(shapely.distance(room.outline, near)) for room in rooms}
             rooms.sort(key=lambda room: far[room.id], reverse=query.which == "farthest")
-            self._finder.notes += [f"room {room.id} is {far[room.id]:.2f} m away" for room in rooms]
+            self._finder.notes += [f"{room.name} is {far[room.id]:.2f} m away" for room in rooms]
         return [*(rooms[: query.count or 1] if query.which is not None else rooms)]
 
     def _area(self) -> BaseGeometry | None:
