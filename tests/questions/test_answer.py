@@ -209,6 +209,7 @@ def test_a_room_is_called_by_its_name_and_not_by_its_number(flat: Hypermap) -> N
     [kitchen] = [room for room in answer.rooms if room is not None]
     assert [note.split(" is ")[0] for note in answer.notes] == ["kitchen"]
     assert next(iter(lines(flat, answer))).startswith(f"kitchen (id {kitchen.id}) at (")
+    assert len(answer_to(flat, "nearest room to 0,0").notes) == 1  # and not of all others
 
 
 def test_an_unknown_tag_is_named_beside_those_that_are_known(flat: Hypermap) -> None:

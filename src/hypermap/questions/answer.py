@@ -294,14 +294,18 @@ class _Asking:
                 r.id: r for name in query.rooms for r in rooms_called(self._finder.rooms, name)
             }
             rooms = [*called.values()]
+        far: dict[int, float] = {}
         if query.which in ("largest", "smallest"):
             rooms.sort(key=lambda room: room.area, reverse=query.which == "largest")
         elif query.which is not None or query.give == "distance":
             near = shapely.union_all(self._finder.others(query.start or ASKER).shapes)
             far = {room.id: float(shapely.distance(room.outline, near)) for room in rooms}
             rooms.sort(key=lambda room: far[room.id], reverse=query.which == "farthest")
+        if query.which is not None:
+            rooms = rooms[: query.count or 1]
+        if far:
             self._finder.notes += [f"{room.name} is {far[room.id]:.2f} m away" for room in rooms]
-        return [*(rooms[: query.count or 1] if query.which is not None else rooms)]
+        return [*rooms]
 
     def _area(self) -> BaseGeometry | None:
         """Return the area, or that of the rooms, that the query asks about; None for everywhere."""
