@@ -126,10 +126,22 @@ def test_a_rename_that_fails_changes_nothing(
             assert files(path.parent) == before
         else:
             break
-    assert number == (4 if path.name == CONFIG_NAME else 3)
+    assert number == (3 if path.name == CONFIG_NAME else 2) + (not has_older)
     monkeypatch.undo()
     assert "objects" not in open_map(path)
     assert "objects" in open_map(backup_of(path))
+
+
+def test_where_files_have_one_name_only_an_older_backup_is_replaced_all_the_same(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object, **__: object) -> None:  # as on FAT
+        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "link", refused)
+    save_with_backup(large_map(), path)
+    assert "objects" in open_map(backup_of(path))
+    assert not [name for name in files(path.parent) if name.startswith(".")]
 
 
 def test_where_there_is_no_map_there_is_no_backup(tmp_path: Path) -> None:

@@ -202,7 +202,10 @@ class Unfinished:
         """
         old = _set_aside(self.path)
         with contextlib.suppress(FileNotFoundError):
-            final.replace(old)
+            try:
+                os.link(final, old, follow_symlinks=False)  # so that a killed program leaves it
+            except (OSError, NotImplementedError):  # on FAT
+                final.replace(old)
 
         def put_back() -> None:
             with contextlib.suppress(OSError):
