@@ -450,6 +450,9 @@ def test_a_bare_map_that_is_missing_or_lacks_its_picture_says_so(tmp_path: Path)
     with pytest.raises(FormatError) as error:
         load_occupancy(yaml)
     assert str(error.value) == f"{yaml}: image: there is no picture {tmp_path / 'map.png'}"
+    (tmp_path / "floor.pgm").touch()
+    with pytest.raises(FormatError, match=r"there is no picture .*map\.png; there is floor\.pgm$"):
+        load_occupancy(yaml)
     yaml.write_text(YAML.replace("map.png", "."))
     with pytest.raises(FormatError) as not_a_picture:
         load_occupancy(yaml)

@@ -6,6 +6,7 @@ top of the map.
 
 from __future__ import annotations
 
+import glob
 import logging
 import math
 import os
@@ -151,7 +152,8 @@ def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
     try:
         content = read_file(image)
     except FileMissing:
-        raise FormatError(f"there is no picture {image}", path=path, key="image") from None
+        hint = _pictures_beside(path)
+        raise FormatError(f"there is no picture {image}{hint}", path=path, key="image") from None
     except FormatError as error:  # a folder, a device or too large
         raise FormatError(str(error), path=path, key="image") from None
     cells = cells_from_file(content, str(image), described)
@@ -169,6 +171,13 @@ def _picture_of(path: Path, image: str) -> Path:
         return named
     logger.warning("%s: image: there is no %s; %s is taken, which lies here", path, image, beside)
     return beside
+
+
+def _pictures_beside(path: Path) -> str:
+    """Return a hint at pictures that are named like the YAML file."""
+    named_alike = path.parent.glob(f"{glob.escape(path.stem)}.*")
+    names = [each.name for each in named_alike if each.suffix in (".pgm", ".png", ".bmp")]
+    return f"; there is {min(names)}" if names else ""
 
 
 def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
