@@ -145,6 +145,16 @@ def test_a_camera_that_hangs_upside_down_without_its_pose_saying_so_is_reported(
     assert "tf" in found.remedy
 
 
+def test_without_motion_the_floor_says_that_the_camera_hangs_upside_down() -> None:
+    frames = [turned(frame, 180).moved_to(frame.map_T_camera) for frame in room()[::25]]
+    found = wrong(frames)
+    assert found.keys() == {"upright"}  # and not that its ceiling is a floor that is not level
+    assert "the floor is level at z = 0 only if" in found["upright"].measured
+    pose, floor = leveling_pose(frames)
+    np.testing.assert_array_equal(pose, np.eye(4))
+    assert floor is None
+
+
 def test_without_a_floor_only_the_poses_say_that_images_are_upright() -> None:
     for frames, said in ((room()[::3], "the images"), (room()[:2], "by their poses, the images")):
         preflight = Preflight()

@@ -77,6 +77,11 @@ class Floor:
         return abs(self.offset) <= _HEIGHT or (self.offset > 0 and self.span[0] < _WIDE)
 
     @property
+    def is_as_it_should_be(self) -> bool:
+        """Whether it is level and at z = 0, and so large that it is no table."""
+        return not self._is_tilted and abs(self.offset) <= _HEIGHT and self.span[0] >= _WIDE
+
+    @property
     def _is_tilted(self) -> bool:
         """Whether the tilt is larger than depth errors can explain."""
         explained = math.degrees(math.atan2(_BENT, self.span[1]))
@@ -135,7 +140,7 @@ class FloorSampler:
 
     def __init__(self) -> None:
         self._frames: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
-        self._frames = []  # points and their normals, (N, 3) each, and the camera's axes, (3, 3)
+        self._frames = []  # points and their normals, (N, 3) each, and the camera's pose, (4, 4)
         self._heights: list[float] = []  # of the cameras
         self._every, self._seen = 1, 0
 
@@ -145,7 +150,7 @@ class FloorSampler:
         if (self._seen - 1) % self._every:
             return
         points, normals = _points_and_normals(frame)
-        self._frames.append((points, normals, frame.map_T_camera[:3, :3]))
+        self._frames.append((points, normals, frame.map_T_camera))
         self._heights.append(float(frame.map_T_camera[2, 3]))
         if len(self._frames) > _MOST_FRAMES:
             self._frames, self._every = self._frames[::2], 2 * self._every
@@ -154,7 +159,7 @@ class FloorSampler:
     @property
     def axes(self) -> NDArray[np.float64]:
         """The mean camera axes in the map, as columns: right, down, forward; shape (3, 3)."""
-        axes = [axes for _, _, axes in self._frames] or [np.zeros((3, 3))]
+        axes = [pose[:3, :3] for _, _, pose in self._frames] or [np.zeros((3, 3))]
         return np.asarray(np.mean(axes, axis=0))
 
     @property
@@ -162,6 +167,29 @@ class FloorSampler:
         """Whether, by the poses, the images are sideways or upside down."""
         right, down, _ = self.axes[2]
         return bool(max(abs(right), down) > _TURNED)
+
+    def is_upside_down(self, floor: Floor | None) -> bool:
+        """Return whether a floor as it should be is visible only if the images are turned around.
+
+        A camera halfway up to the ceiling takes that for such a floor, but sees the true one, too.
+
+        Args:
+            floor: what `floor` returns.
+        """
+        if floor is not None and floor.is_level:
+            return False
+        turned = self._upside_down().floor()
+        return turned is not None and turned.is_as_it_should_be
+
+    def _upside_down(self) -> FloorSampler:
+        """Return what was sampled, as it is if the images are upside down, but not their poses."""
+        other = FloorSampler()
+        for points, normals, pose in self._frames:
+            turn = pose[:3, :3] * (-1, -1, 1) @ pose[:3, :3].T  # half a turn about the optical axis
+            place = pose[:3, 3]
+            other._frames.append(((points - place) @ turn + place, normals @ turn, pose))
+        other._heights = self._heights
+        return other
 
     def floor(self) -> Floor | None:
         """Return the floor; None if too little of it is visible."""

@@ -114,6 +114,9 @@ class Preflight:
     def findings(self) -> list[Finding]:
         """Return the result of each check, whether right or wrong."""
         floor = self._floor.floor()
+        is_upside_down = self._floor.is_upside_down(floor)
+        if is_upside_down:
+            floor = None  # what seems to be one is something else
         for check, measure in (
             ("scale", self._scale),
             ("registration", self._color),
@@ -129,7 +132,8 @@ class Preflight:
         undecided = [
             Finding(check, text) for check, text in _UNDECIDED.items() if check not in self._settled
         ]
-        return [f for f in (*found, *undecided, self._upright(floor)) if f is not None]
+        upright = self._upright(floor, is_upside_down)
+        return [f for f in (*found, *undecided, upright) if f is not None]
 
     def _level(self, floor: Floor | None) -> Finding:
         if floor is None:
@@ -192,13 +196,15 @@ class Preflight:
             f"give --time-offset auto, or {fit.value:.2f} (live: the parameter time_offset)",
         )
 
-    def _upright(self, floor: Floor | None) -> Finding:
+    def _upright(self, floor: Floor | None, is_upside_down: bool) -> Finding:
         up = np.array([0.0, 0.0, 1.0]) if floor is None else floor.normal
         right, down, _ = up @ self._floor.axes
-        if turn := self._consistency.turn_deg():
+        turn = self._consistency.turn_deg()
+        if turn or is_upside_down:
+            why = "images match" if turn else "the floor is level at z = 0"
             return Finding(
                 "upright",
-                f"images match only if the camera is rotated by {turn} degrees about its "
+                f"{why} only if the camera is rotated by {turn or 180} degrees about its "
                 "optical axis",
                 "objects are mapped in different places from each image",
                 "if the camera is mounted upside down or on its side, correct its pose in tf",
@@ -220,14 +226,14 @@ class Preflight:
 def leveling_pose(frames: Iterable[RgbdFrame]) -> tuple[NDArray[np.float64], Floor | None]:
     """Return the pose that moves the visible floor to z = 0, and the floor.
 
-    The pose has shape (4, 4). It is the identity if no floor is visible, or it is already level at
-    z = 0, or if the surface above z = 0 may be a table.
+    The pose has shape (4, 4). It is the identity if no floor is visible, as when images are upside
+    down, or it is already level at z = 0, or if the surface above z = 0 may be a table.
     """
     sampler = FloorSampler()
     for frame in frames:
         sampler.add(frame)
     floor = sampler.floor()
-    if floor is None:
+    if floor is None or sampler.is_upside_down(floor):
         return np.eye(4), None
     is_off = abs(floor.offset) > _WRONG_HEIGHT or floor.tilt_deg > _WRONG_TILT
     may_be_table = floor.is_level and floor.offset > _WRONG_HEIGHT
