@@ -16,6 +16,12 @@ from rosbags.typesys.store import Typestore
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.formats.store import refuse_pointer
+from hypermap.recordings.bag.bombs import (
+    bound_chunks,
+    bounded_databases,
+    check_definition,
+    check_files,
+)
 from hypermap.recordings.bag.definitions import DETECTION_TYPES, known_types
 from hypermap.recordings.bag.parts import is_ros1_bag, parts_of
 
@@ -26,6 +32,9 @@ _REPAIR = {
     ".mcap": "mcap recover",
     ".db3": "ros2 bag reindex",
 }
+
+
+bound_chunks()
 
 
 class DamagedMessage(FormatError):
@@ -133,10 +142,15 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
     """Yield an open reader; attribute any error inside to the bag."""
     reader: rosbag1.Reader | rosbag2.Reader
     try:
+        check_files(path)
         _check_metadata(path / "metadata.yaml")
         reader = rosbag1.Reader(path) if is_ros1_bag(path) else rosbag2.Reader(path)
-        with reader:
+        with bounded_databases():
+            reader.open()
+        try:
             yield reader
+        finally:
+            reader.close()
     except HypermapError as error:
         raise FormatError(str(error), path=path) from None
     except Exception as error:
@@ -174,6 +188,7 @@ def _types_of(connection: Connection) -> Typestore:
     text = connection.msgdef.data
     if connection.msgdef.format == MessageDefinitionFormat.NONE:
         return known_types()
+    check_definition(text, connection.topic)
     store = get_typestore(Stores.EMPTY)
     if connection.msgdef.format == MessageDefinitionFormat.MSG:
         store.register(get_types_from_msg(text, connection.msgtype))
