@@ -158,6 +158,14 @@ def test_what_an_earlier_drive_has_detected_already_was_not_added() -> None:
     assert told(back) == [("added", 4)]
 
 
+def test_what_was_detected_elsewhere_before_was_added() -> None:
+    monday = mapped(office(), MONDAY, seen(2, MONDAY - 9, MONDAY))
+    for since, kind in ((TUESDAY - 5, "added"), (MONDAY - 4, "first seen")):
+        cup = seen(3, MONDAY - 5, TUESDAY)
+        cup = dataclasses.replace(cup, attributes={"moved": {"confidence": 0.9, "since": since}})
+        assert told(mapped(monday, TUESDAY, seen(2, MONDAY - 9, TUESDAY), cup)) == [(kind, 3)]
+
+
 def test_stamps_of_a_clock_that_is_not_set_do_not_tell_what_was_there_before() -> None:
     monday = mapped(office(), MONDAY, seen(2, MONDAY - 9, MONDAY))
     tuesday = mapped(monday, TUESDAY, seen(2, MONDAY - 9, MONDAY), seen(3, 5.0, 9.0))

@@ -238,6 +238,30 @@ def test_an_object_that_moves_to_where_another_was_stays_itself() -> None:
     assert only(evidence).id == 1
 
 
+def test_what_moves_to_the_place_of_one_that_is_gone_stays_itself() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), square(3), stamp=second))
+    for second in range(60):  # the left one is taken away
+        evidence.update(seen(square(3), stamp=DAY + second))
+    for second in range(80):  # the right one comes to its place
+        evidence.update(seen(square(-3), stamp=2 * DAY + second))
+    assert only(evidence).id == 1
+
+
+def test_an_id_that_has_been_known_for_a_day_stays() -> None:
+    """Only the third drive sees that the chair has left its first place."""
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(6):
+        evidence.update(seen(square(3), area=RIGHT, stamp=DAY + second))
+    assert [item.id for item in evidence.objects()] == [0, 1]
+    for second in range(60):
+        evidence.update(seen(square(3), stamp=2 * DAY + second))
+    assert only(evidence).id == 1
+
+
 def after_looks_of_another_drive(
     shape: shapely.Polygon, *shown: shapely.Polygon, name: str = "chair"
 ) -> list[SemanticObject]:

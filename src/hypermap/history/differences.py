@@ -101,7 +101,10 @@ def _came(item: SemanticObject, cause: Cause, known_until: float) -> str:
     """
     if cause == "edit" or item.first_seen is None or item.first_seen < EARLIEST:
         return ADDED
-    return FIRST_SEEN if item.first_seen <= known_until else ADDED
+    said = item.attributes.get(MOVE)
+    since = said.get("since") if isinstance(said, Mapping) else None
+    is_moved = isinstance(since, int | float) and since > known_until
+    return FIRST_SEEN if item.first_seen <= known_until and not is_moved else ADDED
 
 
 def _left(layer: str, item: SemanticObject, cause: Cause, now: float) -> Change:

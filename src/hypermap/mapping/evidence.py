@@ -235,10 +235,10 @@ class EvidenceMap:
         if self.config.exclusive:
             matches = self._tracks.excluding(matches, self._observed)
         there = [row for row in matches if self._may_be(row)]
-        there = [row for row in there if not self._is_remembered(row)] or there
         if matches and not there:  # objects deleted by hand do not come back
             return self._tracks.objects[matches[0]].id
-        matches = there
+        # What is gone comes back by `find_moves`: another one may have moved to its place.
+        matches = [row for row in there if not self._is_remembered(row)]
         if len(matches) == 0:
             row = self._tracks.append(name, class_, evidence, self.config.max_evidence)
         elif self.config.combine == "matches":
@@ -255,9 +255,6 @@ class EvidenceMap:
                 track.moved_since = track.buffer.items[0].stamp
                 track.pending = len(track.buffer)
                 self._tracks.misses[row] = 0
-        if self.config.moves and self._tracks.existence[row] <= self.config.forget_below:
-            self._tracks.change_existence(row, -float(self._tracks.existence[row]))  # it is back
-            self._tracks.spared[row] = self._tracks.misses[row] = 0
         gain = self.config.gain * (evidence.score if self.config.gain_by_score else 1.0)
         self._tracks.change_existence(row, gain)
         if track.pending > self.config.renewal * len(track.buffer):

@@ -58,7 +58,8 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
     Among several candidates, those gone since the latest drive come first, and of these the pairs
     with the smallest distances. A track also counts as gone if a new one appeared next to it in a
     later drive, because rays that hit one do not show that the other is gone. Tracks edited by
-    hand are never among them.
+    hand are never among them, nor are new ones that have been there for more than an hour, as since
+    an earlier drive: their ids are known.
 
     Args:
         tracks: all tracks.
@@ -80,6 +81,8 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
     if not gone:  # the usual case, which is fast
         return []
     names = {objects[row].name for row in gone}
+    now = max(track.buffer.last_seen for track in objects)
+    is_there &= first > now - STALE  # ids that people have known for longer stay
     rows = (is_there & (first > last[gone].min())).nonzero()[0].tolist()
     there = [row for row in rows if objects[row].name in names]
     if not there:
