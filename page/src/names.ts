@@ -8,7 +8,12 @@ export function matching(names: ClassInfo[], text: string): ClassInfo[] {
   const starts = ({ name }: ClassInfo) => Number(name.toLowerCase().startsWith(wanted));
   return names
     .filter(({ name }) => name.toLowerCase().includes(wanted))
-    .sort((a, b) => starts(b) - starts(a) || b.count - a.count || a.name.localeCompare(b.name));
+    .sort(
+      (a, b) =>
+        starts(b) - starts(a) ||
+        b.count - a.count ||
+        a.name.localeCompare(b.name, "en", { numeric: true }),
+    );
 }
 
 /** The name that was meant: an exact match, else in other case, else the best one, else the text. */

@@ -80,3 +80,13 @@ def counted(number: int, one: str, many: str = "") -> str:
     ('1 object', '2 classes')
     """
     return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """Return what sorts names as people do, "room 2" before "room 10".
+
+    >>> sorted(["room 10", "room 2", "room"], key=natural)
+    ['room', 'room 2', 'room 10']
+    """
+    parts = re.split(r"(\d{1,18})", name)
+    return [(int(part), "") if place % 2 else (-1, part) for place, part in enumerate(parts)]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from hypermap.text import printable
+from hypermap.text import natural, printable
 from hypermap.viewer.paper import (
     FAINT,
     INK,
@@ -95,7 +95,7 @@ def _rows(drawing: Drawing) -> list[Row]:
                 SHAPE_ALPHA,
                 part.are_outlines,
             )
-            for name in sorted(counts, key=lambda name: (-counts[name], name))
+            for name in sorted(counts, key=lambda name: (-counts[name], natural(name)))
         ]
     for layer in dict.fromkeys(mark.layer for mark in drawing.marks):
         rows += [Row(""), Row(printable(layer))] if rows else [Row(printable(layer))]

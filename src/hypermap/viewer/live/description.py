@@ -17,6 +17,7 @@ from hypermap.core.layer import Layer
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.rooms.rooms import rooms_on
+from hypermap.text import natural
 from hypermap.viewer.live.layers import LayerView, LayerViews
 from hypermap.viewer.picture import well_filled
 
@@ -46,7 +47,9 @@ def describe_map(hypermap: Hypermap, views: LayerViews, is_editable: bool) -> di
             **_kind(view),
         }
         if layer.name in counts:
-            by_count = sorted(counts[layer.name].items(), key=lambda item: (-item[1], item[0]))
+            by_count = sorted(
+                counts[layer.name].items(), key=lambda item: (-item[1], natural(str(item[0])))
+            )
             described["classes"] = [
                 {"name": str(name), "color": hex_color(colors[str(name)]), "count": count}
                 for name, count in by_count
