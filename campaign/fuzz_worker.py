@@ -1,11 +1,15 @@
 """One process that fuzzes one target: guided by coverage where atheris is installed.
 
-    python -m campaign.fuzz_worker TARGET SECONDS SEED FOLDER [RUNS|random]
+    python -m campaign.fuzz_worker TARGET[,TARGET...] SECONDS SEED FOLDER [RUNS|random]
 
-SECONDS count from its start, but it asks at least once after it has warmed up. It keeps what it
-finds in FOLDER, and says on standard output in one line of JSON what it did. What it is asking at
-the moment lies in FOLDER/now, should it hang or die; FOLDER/ready is there once it has warmed up,
-and FOLDER/died says why it could not. FOLDER/log has libFuzzer's lines, with the coverage.
+Several targets are fuzzed one after the other, SECONDS each, each in FOLDER/TARGET and in a process
+that begins with what all of them have imported.
+
+SECONDS count from the start of that, but it asks at least once after it has warmed up. It keeps
+what it finds in FOLDER, and says on standard output in one line of JSON what it did. What it is
+asking at the moment lies in FOLDER/now, should it hang or die; FOLDER/ready is there once it has
+warmed up, and FOLDER/died says why it could not. FOLDER/log has libFuzzer's lines, with the
+coverage.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import hashlib
+import importlib
 import json
 import logging
 import os
@@ -27,9 +32,9 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from campaign.fuzz_targets import target_of
+from campaign.fuzz_targets import TARGETS, target_of
 from campaign.own_process import peak_bytes
 
 MOST_SECONDS = 2.0  # of an answer, in time of the processor
@@ -137,17 +142,31 @@ def described(error: BaseException) -> str:
 
 
 def main() -> None:
-    """Fuzz a target until the time is over, and say what was found."""
-    name, seconds, seed, folder, *runs = sys.argv[1:]
-    started = time.monotonic()
-    ends = started + float(seconds)
+    """Fuzz targets, each until its time is over, and say what was found."""
+    named, seconds, seed, folder, *runs = sys.argv[1:]
+    names, kept = named.split(","), Path(folder).absolute()
     warnings.simplefilter("ignore")
-    kept = Path(folder).absolute()
-    kept.mkdir(parents=True, exist_ok=True)
     said = os.dup(1)  # what is asked writes on the others, and libFuzzer on the last
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    os.dup2(os.open(kept / LOG, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND), 2)
     guide = _atheris() if not runs else None
+    if len(names) == 1:
+        _fuzz(names[0], float(seconds), int(seed), kept, runs, said, guide)
+    _log_in(kept)
+    with _instrumented(guide):
+        for name in names:
+            importlib.import_module(f"campaign.fuzz_targets.{TARGETS[name]}")
+    for name in names:
+        if (process := os.fork()) == 0:
+            _fuzz(name, float(seconds), int(seed), kept / name, runs, said, guide)
+        os.waitpid(process, 0)
+
+
+def _fuzz(
+    name: str, seconds: float, seed: int, kept: Path, runs: Sequence[str], said: int, guide: Any
+) -> NoReturn:
+    """Fuzz a target until its time is over, say what was found, and end the process."""
+    started = time.monotonic()
+    _log_in(kept)
     logging.getLogger().addHandler(logging.NullHandler())
     logging.lastResort = None
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # where saves need no disk
@@ -158,13 +177,19 @@ def main() -> None:
             tries = Tries(target.ask, kept)
             tries.warm_up(target.corpus)  # which imports what the program imports when it needs it
             tries.prepared = time.monotonic() - started
-        arguments = tries, target, ends, int(seed)
+        arguments = tries, target, started + seconds, seed
         if guide is not None:
             _guided(guide, *arguments, kept, partial(_end, said, target, name, tries, scratch))
         _at_random(*arguments, int(runs[0]) if runs and runs[0] != "random" else None)
         _say(said, name, tries, "random")
         target.close()
     os._exit(0)  # threads of servers do not hold us up
+
+
+def _log_in(folder: Path) -> None:
+    """Let what is written to standard error go to a file of a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    os.dup2(os.open(folder / LOG, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND), 2)
 
 
 @contextlib.contextmanager

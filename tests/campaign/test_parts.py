@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -201,6 +202,23 @@ def test_a_spool_that_loses_what_it_took_is_found_out(
     monkeypatch.setattr(Spool, "put", wrong)
     problems = [spool_problem(tmp_path / "spool", at, "once")[0] for at in range(20, 40, 8)]
     assert "1 of 4 observations are lost" in problems
+
+
+def test_targets_are_fuzzed_one_after_the_other_with_what_all_have_imported(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "campaign.fuzz_worker", "detections,job_files"]
+    done = subprocess.run(
+        [*command, "600", "1", str(tmp_path), "3"],
+        cwd=CHECKOUT,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    said = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [(one["target"], one["way"], one["findings"]) for one in said] == [
+        ("detections", "random", []),
+        ("job_files", "random", []),
+    ]
+    assert {path.name for path in tmp_path.iterdir()} == {"detections", "job_files", "log"}
 
 
 @pytest.mark.parametrize(
