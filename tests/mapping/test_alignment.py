@@ -241,6 +241,18 @@ def test_correcting_the_pose_does_not_decode_the_color(frames: list[RgbdFrame]) 
     Aligner(true_occupancy(ROOM), CONFIG).align(frame)
 
 
+def test_evidence_knows_how_its_pose_was_corrected(frames: list[RgbdFrame]) -> None:
+    mapper = Mapper(profile("default"), detections_from_recording(), true_occupancy(ROOM))
+    for frame in frames:
+        mapper.add(off_by(frame, 0.05, -0.04, 0.02))
+    items = [item for track in mapper.evidence.tracks().objects for item in track.buffer.items]
+    given = {frame.stamp: off_by(frame, 0.05, -0.04, 0.02) for frame in frames}
+    assert len({item.correction for item in items}) > 3
+    for item in items:
+        frame, (x, y, turn) = given[item.stamp], item.correction
+        assert np.allclose(off_by(frame, x, y, turn).map_T_camera, item.map_T_camera)
+
+
 def test_objects_come_to_lie_where_they_are_in_a_known_map() -> None:
     noise = PoseNoise(position=0.01, yaw_deg=0.3, drift=0.04, drift_yaw_deg=1.0)
     recording = SimulatedRecording(ROOM, rate=2.0, pose_noise=noise, seed=3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hypermap.core.trajectory import compose, pose_from_rpy
-from hypermap.mapping.consistency import Agreement, Consistency
+from hypermap.mapping.consistency import Agreement, Consistency, now_worse
 from hypermap.perception.frame import Camera, RgbdFrame
 
 CAMERA = Camera.from_intrinsics(80, 80, 39.5, 29.5, 80, 60)
@@ -32,3 +32,12 @@ def test_frames_with_nothing_in_common_say_nothing() -> None:
     assert consistency.turn_deg() == 0
     assert consistency.gain_of({frame.stamp: frame.map_T_camera for frame in frames}) is None
     assert not agreement.is_worse
+
+
+def test_whether_corrected_poses_are_worse_does_not_change_by_chance() -> None:
+    assert now_worse(-2.5, was_worse=False)
+    assert not now_worse(-1.0, was_worse=False)
+    assert now_worse(-1.0, was_worse=True)
+    assert now_worse(1.0, was_worse=True)
+    assert not now_worse(2.5, was_worse=True)
+    assert not now_worse(None, was_worse=True)

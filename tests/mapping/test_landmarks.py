@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely import affinity
 
 from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
@@ -76,6 +77,61 @@ def test_a_frame_is_not_pulled_by_one_thing_that_was_carried_away() -> None:
         item.centroid_xy[:] += 0.5
     buffers[0] = EvidenceBuffer.of(carried, 100, 20, 16.0, 0.0, 19.0)
     assert np.abs(landmark_moves(buffers)[1] - before).max() < 0.02
+
+
+def corrected_by(map_errors: Array, recorded_errors: Array) -> list[EvidenceBuffer]:
+    """Return the evidence of things in groups, each in three visits, after poses were corrected.
+
+    Args:
+        map_errors: by which the map has each group elsewhere, shape (groups, 3).
+        recorded_errors: of the recorded poses at each visit, shape (3, 3).
+    """
+    buffers: list[EvidenceBuffer] = []
+    for group, error in enumerate(map_errors):
+        away = np.array([3.0 * group, 0.0])
+        items = [
+            dataclasses.replace(
+                item,
+                stamp=1000 * visit + 10 * group + item.stamp,
+                map_T_camera=moved(item.map_T_camera, away),
+                centroid_xy=item.centroid_xy + away,
+                footprint=affinity.translate(item.footprint, *away),
+                correction=tuple(error - recorded_errors[visit]),
+            )
+            for visit in range(3)
+            for buffer in buffers_of(np.array([error] * 4), cup_in=range(4))
+            for item in buffer.items
+        ]
+        for thing in range(len(SIDES)):
+            own = [item for i, item in enumerate(items) if i // 4 % len(SIDES) == thing]
+            buffers.append(EvidenceBuffer.of(own, 100, len(own), 1.0, 0.0, 1.0))
+    return buffers
+
+
+def moved(map_T_camera: Array, by: Array) -> Array:
+    pose = map_T_camera.copy()
+    pose[:2, 3] += by
+    return pose
+
+
+def rms_error(buffers: Sequence[EvidenceBuffer], moves: Sequence[Array]) -> float:
+    """Return by how much things are off in the mean of their views [m]."""
+    off = []
+    for n, (buffer, by) in enumerate(zip(buffers, moves, strict=True)):
+        place = PLACES[n % len(SIDES)] + [3.0 * (n // len(SIDES)), 0.0]
+        off.append((buffer.centroids + by).mean(axis=0) - place)
+    return float(np.sqrt((np.array(off) ** 2).sum(axis=1).mean()))
+
+
+def test_recorded_poses_straighten_what_a_bent_map_has_displaced() -> None:
+    bent = corrected_by(drawn_errors(8, 0.04), drawn_errors(3, 0.02))
+    as_mapped = rms_error(bent, [np.zeros((len(one), 2)) for one in bent])
+    assert rms_error(bent, landmark_moves(bent)) < 0.7 * as_mapped
+
+
+def test_recorded_poses_do_not_disturb_what_a_straight_map_has_put_right() -> None:
+    straight = corrected_by(np.zeros((8, 3)), drawn_errors(3, 0.04))
+    assert rms_error(straight, landmark_moves(straight)) < 0.003
 
 
 def test_things_without_company_stay_and_no_evidence_gives_no_moves() -> None:

@@ -82,6 +82,28 @@ def test_a_state_is_the_same_after_it_was_read(content: bytes, state: MapperStat
     assert dump_state(state) == content
 
 
+def test_how_poses_were_corrected_is_kept_and_not_at_all_is_assumed_of_older_files(
+    content: bytes, state: MapperState
+) -> None:
+    by = 0.01, -0.02, 0.003
+    tracks = state.tracks.snapshot()
+    for track in tracks.objects:
+        items = [dataclasses.replace(item, correction=by) for item in track.buffer.items]
+        track.buffer.items[:] = items
+    again = parse_state(dump_state(dataclasses.replace(state, tracks=tracks)), CONFIG).tracks
+    assert {item.correction for track in again.objects for item in track.buffer.items} == {by}
+    file = parse_arrays(content, FORMAT, VERSION, "")
+    older = {name: array for name, array in file.arrays.items() if "view.correction" not in name}
+    assert len(older) == len(file.arrays) - 2
+    assert (
+        dump_state(parse_state(dump_arrays(ArrayFile(file.facts, older), FORMAT, VERSION), CONFIG))
+        == content
+    )
+    wrong = {**file.arrays, "view.correction": file.arrays["view.correction"] * np.nan}
+    with pytest.raises(FormatError, match="corrections"):
+        parse_state(dump_arrays(ArrayFile(file.facts, wrong), FORMAT, VERSION), CONFIG)
+
+
 def test_each_piece_of_evidence_is_kept_once(content: bytes, state: MapperState) -> None:
     arrays = parse_arrays(content, FORMAT, VERSION, "").arrays
     kept = sum(len(arrays[f"{prefix}observation.score"]) for prefix in ("", "more."))

@@ -28,13 +28,16 @@ from hypermap import (
 from hypermap.core.frames import FrameTree
 from hypermap.core.pictures import best_pictures
 from hypermap.mapping.config import profile
+from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.going_on import CannotGoOn
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.merging import CannotMerge, Merged, merge_maps
 from hypermap.mapping.merging.grids import added_layers
+from hypermap.mapping.merging.moving import moved_tracks
 from hypermap.mapping.overrides import override
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
@@ -165,6 +168,16 @@ def test_what_was_moved_is_only_where_it_is_now() -> None:
     found = objects_of(merged.hypermap)
     assert centroid(found["chair"]) == pytest.approx((2.3, 0.9), abs=0.15)
     assert (merged.both, merged.first, merged.second, merged.gone) == (2, 0, 1, 1)
+
+
+def test_how_poses_were_corrected_turns_with_the_map() -> None:
+    evidence = EvidenceMap(profile("default").evidence)
+    shape = shapely.box(1, 0, 2, 1)
+    one = ObservedObject("table", 0.9, shape, z_max=0.7)
+    evidence.update(Observation(0.0, np.eye(4), (one,), shape, correction=(0.02, 0.01, 0.003)))
+    moved = moved_tracks(evidence.tracks(), Pose2D(5, 6, math.pi / 2), evidence.config)
+    (item,) = moved.objects[0].buffer.items
+    assert item.correction == pytest.approx((-0.01, 0.02, 0.003))
 
 
 def test_the_order_of_the_maps_does_not_matter_for_what_is_there() -> None:

@@ -35,7 +35,7 @@ _RATIO_CAP = 0.1  # the same as a share of the depth
 _WORST = 0.8  # mean difference over its cap, above which images do not agree
 _CLEARLY = 0.7  # another rotation of the camera must reduce the mean difference to this share
 _JUDGED_EVERY = 12  # frames
-_SURELY_WORSE = 2.0  # standard errors
+_SURE_GAIN = 2.0  # standard errors; from such a gain or loss, a verdict is sure
 _SURE = 3.0  # standard errors by which the mean difference must be smaller
 _OFFSETS = np.linspace(-0.78, 0.78, 27)  # seconds
 _REACH = 0.9  # seconds before and after an image for which poses must be known
@@ -266,8 +266,20 @@ class Agreement:
         if self._frames % _JUDGED_EVERY == 0:
             kept = self._given.stamps
             self._corrected = {at: pose for at, pose in self._corrected.items() if at in kept}
-            gain = self._given.gain_of(self._corrected)
-            self.is_worse = gain is not None and gain < -_SURELY_WORSE
+            self.is_worse = now_worse(self._given.gain_of(self._corrected), self.is_worse)
+
+
+def now_worse(gain: float | None, was_worse: bool) -> bool:
+    """Return whether depth images agree less by corrected poses.
+
+    A verdict stays until the other is sure: some poses as given and some as corrected, by turns,
+    would put things in two places.
+
+    Args:
+        gain: of `Consistency.gain_of`; None if it is not known.
+        was_worse: the verdict before.
+    """
+    return gain is not None and gain < (_SURE_GAIN if was_worse else -_SURE_GAIN)
 
 
 class _Comparison:

@@ -50,6 +50,8 @@ class Evidence:
         centroid_xy: the footprint's centroid [m], shape (2,).
         z_min: height of the lowest point [m].
         z_max: height of the highest point [m].
+        correction: how the recorded pose was corrected to `map_T_camera`: by x, y [m] and a
+            rotation about the camera [rad]; zeros if it was not.
     """
 
     stamp: float
@@ -60,6 +62,7 @@ class Evidence:
     centroid_xy: NDArray[np.float64]
     z_min: float
     z_max: float
+    correction: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @cached_property
     def prepared(self) -> PreparedPolygon:
@@ -155,6 +158,7 @@ def _evidence(
         centroid_xy=centroid_xy,
         z_min=observed.z_min,
         z_max=observed.z_max,
+        correction=observation.correction,
     )
     vars(evidence).update(prepared=footprint, prepared_area=area)
     return evidence

@@ -10,6 +10,10 @@ IJRR 25(12), 2006, here over centroids on the floor, by alternating optimization
 weights of Huber, "Robust estimation of a location parameter", 1964. The pose errors are unknown;
 their variance is estimated by expectation maximization (Dempster, Laird, Rubin, 1977), so exact
 poses stay unchanged.
+
+Poses that were corrected by a bent map agree with each other, but not with the world. The recorded
+poses are a second witness, whose larger errors average out over many frames. So the more the map
+is bent (`map_bend`), the nearer to its recorded pose a frame is expected, up to half way.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray
 from hypermap.mapping.evidence_buffer import EvidenceBuffer
+from hypermap.mapping.map_bend import bend_of_map
 from hypermap.mapping.votes import shows_whole
 
 _NOISE = 0.02  # standard deviation of the centroid of a footprint [m], plus ...
@@ -33,6 +38,9 @@ _EXACT = 0.01  # meters; poses with smaller errors stay, because centroids are n
 _SURE = 2.0  # standard deviations up to which an observation has its full weight
 _OUTLIER = 6.0  # standard deviations from which it has none
 _ROUNDS = 20
+_RECORDED = 0.5  # share of the recorded pose in the expected one, if the map is bent
+_STRAIGHT, _BENT = 0.005, 0.01  # meters; from where on a map is bent, and surely
+_AHEAD = np.array([0.0, 0.0, 1.5, 1.0])  # what a camera looks at, in its optical frame [m]
 
 Array = NDArray[np.float64]
 
@@ -41,7 +49,8 @@ def landmark_moves(buffers: Sequence[EvidenceBuffer]) -> list[Array]:
     """Return the shifts of all footprints that make frames agree on the objects' places.
 
     A frame moves as a whole: by x, y and a rotation about its camera. Footprints that show a part
-    of their object move with their frame, but do not constrain it.
+    of their object move with their frame, but do not constrain it. Frames whose poses were
+    corrected by a map are expected between their recorded and their corrected poses.
 
     Args:
         buffers: the evidence for each object.
@@ -53,7 +62,7 @@ def landmark_moves(buffers: Sequence[EvidenceBuffer]) -> list[Array]:
     sights = _Sights.of(buffers, numbers)
     if len(sights.frames) == 0:
         return [np.zeros((len(buffer), 2)) for buffer in buffers]
-    corrections = _corrections(sights, len(frames))
+    corrections = _corrections(sights, _expected(buffers, numbers, frames))
     cameras_xy = np.array([(x, y) for _, x, y in frames])
     moves = []
     for buffer, shown_in in zip(buffers, numbers, strict=True):
@@ -73,6 +82,29 @@ def _frames_of(
     frames = sorted({key for of_one in keys for key in of_one})
     number = {key: i for i, key in enumerate(frames)}
     return frames, [np.array([number[key] for key in of_one], np.int64) for of_one in keys]
+
+
+def _expected(
+    buffers: Sequence[EvidenceBuffer],
+    numbers: Sequence[IntArray],
+    frames: Sequence[tuple[float, float, float]],
+) -> Array:
+    """Return how each frame is expected to move [m, m, rad], shape (F, 3).
+
+    If the map that has corrected its pose is bent, that is back toward the recorded pose.
+    """
+    recorded, seen_xy = np.zeros((len(frames), 3)), np.zeros((len(frames), 2))
+    for buffer, shown_in in zip(buffers, numbers, strict=True):
+        for item, frame in zip(buffer.items, shown_in.tolist(), strict=True):
+            recorded[frame] = item.correction
+            seen_xy[frame] = item.map_T_camera[:2] @ _AHEAD
+    if not recorded.any():
+        return recorded
+    recorded *= -1
+    stamps, cameras_xy = np.array(frames)[:, 0], np.array(frames)[:, 1:]
+    bend = bend_of_map(stamps, seen_xy, _moved(seen_xy - cameras_xy, recorded))
+    share = min(max((bend - _STRAIGHT) / (_BENT - _STRAIGHT), 0.0), 1.0)
+    return share * _RECORDED * recorded
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,13 +158,13 @@ class _Sights:
         )
 
 
-def _corrections(sights: _Sights, count: int) -> Array:
-    """Return x, y [m] and rotation [rad] of each of `count` frames, shape (count, 3).
+def _corrections(sights: _Sights, expected: Array) -> Array:
+    """Return x, y [m] and rotation [rad] of each frame, shape (F, 3), given the expected ones.
 
     Alternates between the places of objects given the frames, the errors of frames given these,
     and the variance of these errors.
     """
-    corrections = np.zeros((count, 3))
+    corrections, count = expected, len(expected)
     weights = sights.sigmas**-2.0
     prior = np.array([_POSITION, _POSITION, _TURN])
     seen = np.unique(sights.frames)
@@ -146,12 +178,13 @@ def _corrections(sights: _Sights, count: int) -> Array:
         weights *= sights.sigmas**-2.0
         information, pull = _normal_equations(sights, places - sights.xy, weights, count)
         covariances = np.linalg.inv(information + np.diag(prior**-2.0))
+        pull += expected * prior**-2.0
         corrections = np.einsum("fij,fj->fi", covariances, pull)
-        squares = corrections**2 + np.einsum("fii->fi", covariances)
+        squares = (corrections - expected) ** 2 + np.einsum("fii->fi", covariances)
         variances = squares[seen].mean(axis=0)
         variances[:2] = variances[:2].mean()
         prior = np.clip(np.sqrt(variances), least, most)
-    return corrections if prior[0] > _EXACT else np.zeros((count, 3))
+    return corrections if prior[0] > _EXACT else expected
 
 
 def _moved(rays: Array, corrections: Array) -> Array:

@@ -227,6 +227,8 @@ class Mapper:
         except HypermapError as error:
             self.keyframes.undo()
             raise BadFrame(str(error)) from error
+        if aligned is not frame:
+            perceived = perceived.corrected_from(frame.map_T_camera)
         self._count_surplus(frame, perceived)
         if self._frame_log.is_full:
             self._frame_log.begin_part(self._map_before())

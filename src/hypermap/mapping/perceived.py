@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
+from hypermap.mapping.frame_log import floor_motion
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.seen_cells import SeenCells
 from hypermap.mapping.stages import OccupancyConfig
@@ -42,6 +44,17 @@ class Perceived(FrameDetections):
 
     observation: Observation
     cells: SeenCells | None
+
+    def corrected_from(self, recorded: NDArray[np.float64]) -> Perceived:
+        """Return it as of a frame whose pose was corrected.
+
+        Args:
+            recorded: `map_T_camera` before that, shape (4, 4).
+        """
+        now = self.observation.map_T_camera
+        x, y = (now[:2, 3] - recorded[:2, 3]).tolist()
+        correction = x, y, floor_motion(recorded, now)[0].yaw
+        return replace(self, observation=replace(self.observation, correction=correction))
 
 
 @dataclass(frozen=True)

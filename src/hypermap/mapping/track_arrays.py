@@ -190,9 +190,11 @@ def _packed_observations(prefix: str, items: Sequence[Evidence]) -> dict[str, ND
 
 def _packed_views(prefix: str, views: Sequence[Evidence]) -> dict[str, NDArray[Any]]:
     name = f"{prefix}view"
+    corrections = np.array([view.correction for view in views], np.float64).reshape(-1, 3)
     return {
         f"{name}.stamp": np.array([view.stamp for view in views], np.float64),
         f"{name}.pose": np.array([v.map_T_camera for v in views], np.float64).reshape(-1, 4, 4),
+        f"{name}.correction": corrections,
         **packed_shapes(f"{name}.area", as_objects(view.visible_area for view in views)),
     }
 
@@ -218,6 +220,7 @@ def _unpacked_evidence(arrays: _Arrays) -> list[Evidence]:
     centroids = shapely.get_coordinates(shapely.centroid(footprints))
     poses = list(_both("view.pose", arrays).reshape(-1, 4, 4))
     stamps = _both("view.stamp", arrays).tolist()
+    corrections = _corrections(len(stamps), arrays)
     prepared = PreparedPolygon.all_of(list(footprints))
     prepared_areas = PreparedPolygon.all_of(areas)
     found = []
@@ -237,10 +240,21 @@ def _unpacked_evidence(arrays: _Arrays) -> list[Evidence]:
             centroid_xy=centroids[i],
             z_min=z_min,
             z_max=z_max,
+            correction=corrections[view],
         )
         vars(item).update(prepared=prepared[i], prepared_area=prepared_areas[view])
         found.append(item)
     return found
+
+
+def _corrections(count: int, arrays: _Arrays) -> list[tuple[float, float, float]]:
+    """Return how the pose of each view was corrected; not at all in files of earlier versions."""
+    if "view.correction" not in arrays:
+        return [(0.0, 0.0, 0.0)] * count
+    found = _both("view.correction", arrays)
+    if found.shape != (count, 3) or not np.isfinite(found).all():
+        raise ValueError("the corrections of the views are no numbers, or not as many")
+    return [(x, y, yaw) for x, y, yaw in found.tolist()]
 
 
 def _table(

@@ -49,6 +49,8 @@ class Observation:
         visible_area: polygon in the map frame [m] that this frame could have seen; may be empty.
             It is the hull of the points seen, and so extends behind objects.
         view: where the frame's rays ended; None if only the area is known.
+        correction: how the recorded pose was corrected to `map_T_camera`: by x, y [m] and a
+            rotation about the camera [rad]; zeros if it was not.
 
     Raises:
         ValueError: If the stamp or the pose is not finite.
@@ -59,6 +61,7 @@ class Observation:
     objects: tuple[ObservedObject, ...]
     visible_area: BaseGeometry
     view: DepthView | None = None
+    correction: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.stamp) and np.isfinite(self.map_T_camera).all()):

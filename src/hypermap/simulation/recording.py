@@ -50,6 +50,7 @@ class SimulatedRecording:
         sightings: how often each thing of the world was seen in the frames requested last, before
             faults.
         true_poses: the exact `map_T_camera` of each frame, shape (N, 4, 4).
+        recorded_poses: those that come with the frames, shape (N, 4, 4).
     """
 
     def __init__(
@@ -113,7 +114,7 @@ class SimulatedRecording:
         self._rendered: list[RgbdFrame] | None = None
         self._stamps, poses = planar_poses(world.drive, rate)
         self.true_poses = camera_poses(poses, world.drive)
-        self._estimated_poses = self._estimated(pose_noise or PoseNoise(), poses, world.drive)
+        self.recorded_poses = self._estimated(pose_noise or PoseNoise(), poses, world.drive)
         drawn = (draw_fault(bad_frames, self._rng(_FAULT, i)) for i in range(len(self)))
         self.sightings = Sightings.none(len(world.objects))
         self.faults = {i: fault for i, fault in enumerate(drawn) if fault is not None}
@@ -187,7 +188,7 @@ class SimulatedRecording:
                 stamp=stamp,
                 depth=self._depth_noise.measure(measured, self._rng(_DEPTH, i), dark),
                 camera=self.camera,
-                map_T_camera=self._estimated_poses[i],
+                map_T_camera=self.recorded_poses[i],
                 color=view.color,
                 color_stamp=stamp,
                 detections=detections,

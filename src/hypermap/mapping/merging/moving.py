@@ -78,9 +78,15 @@ def _moved_evidence(items: Sequence[Evidence], a_T_b: Pose2D) -> list[Evidence]:
                 visible_area=areas[id(area)],
                 footprint=footprint,
                 centroid_xy=centroid_xy,
+                correction=_turned(item.correction, a_T_b),
             )
         )
     return found
+
+
+def _turned(correction: tuple[float, float, float], a_T_b: Pose2D) -> tuple[float, float, float]:
+    ((x, y),) = Pose2D(yaw=a_T_b.yaw).apply([correction[:2]]).tolist()
+    return x, y, correction[2]
 
 
 def _moved_edit(edit: HandEdit, a_T_b: Pose2D) -> HandEdit:
