@@ -33,7 +33,7 @@ def cut_out(
     objects: Sequence[IntArray],
     boxes: NDArray[np.float32],
     config: PerceptionConfig,
-) -> tuple[list[IntArray], BoolArray]:
+) -> list[IntArray]:
     """Return the pixels of each detected object, without the background in its box.
 
     Args:
@@ -46,7 +46,6 @@ def cut_out(
 
     Returns:
         For each detection, increasing row-major indices, a subset of its own; may be empty.
-        And whether these are a piece of a surface that continues past the box, shape (N,).
     """
     surfaces = find_surfaces(depth, valid, camera, config)
     inside = [_Inside(surfaces, pixels) for pixels in objects]
@@ -69,7 +68,6 @@ def cut_out(
         is_chosen[chosen] = True
         found = np.empty(len(pixels), np.int64)
         cut.append(found[: _choose(surfaces.labels.ravel(), pixels, is_chosen, found)])
-    is_piece = np.zeros(len(objects), dtype=bool)
     for place, number in enumerate(by_size if config.max_cut > 0 else ()):
         if len(cut[number]) > 0:
             continue
@@ -80,10 +78,9 @@ def cut_out(
             fit = _iou(inside[number].extents[[label]], boxes[number])[0]
             at = surfaces, label, objects[number]
             cut[number] = cut_piece(*at, fit, boxes[number], camera, config)
-            is_piece[number] = True
             for larger in by_size[:place]:
                 cut[larger] = np.setdiff1d(cut[larger], cut[number], assume_unique=True)
-    return cut, is_piece
+    return cut
 
 
 class _Inside:

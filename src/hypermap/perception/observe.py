@@ -17,8 +17,6 @@ from hypermap.perception.outline import outer_points
 from hypermap.perception.projection import transform
 from hypermap.perception.segmentation import segment, valid_pixels
 
-PIECE_WEIGHT = 0.5  # times the score of an object that its box cut out of a larger surface
-
 
 def observe(
     frame: RgbdFrame,
@@ -67,8 +65,7 @@ def observe(
         objects.append(
             ObservedObject(
                 name=str(detections.names[found.detection]),
-                score=float(detections.scores[found.detection])
-                * (PIECE_WEIGHT if found.is_piece else 1.0),
+                score=float(detections.scores[found.detection]),
                 footprint=shape,
                 z_min=z_min,
                 z_max=z_max,

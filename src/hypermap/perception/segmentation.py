@@ -59,21 +59,20 @@ def segment(
     objects = [pixels for _, pixels in candidates]
     if not objects:
         return []
-    is_piece = np.zeros(len(objects), dtype=bool)
     if config.method == "enclosed":
         boxes = detections.xyxy[[number for number, _ in candidates]]
-        cut, is_piece = enclosed.cut_out(frame.z, valid, frame.camera, objects, boxes, config)
+        cut = enclosed.cut_out(frame.z, valid, frame.camera, objects, boxes, config)
     else:
         cut = largest_regions(frame, valid, objects, config)
     kept = [
-        (number, pixels, bool(piece))
-        for (number, _), pixels, piece in zip(candidates, cut, is_piece, strict=True)
+        (number, pixels)
+        for (number, _), pixels in zip(candidates, cut, strict=True)
         if config.min_cluster <= len(pixels) <= config.max_cluster
     ]
-    clouds = _points_of(frame, [pixels for _, pixels, _ in kept], config)
+    clouds = _points_of(frame, [pixels for _, pixels in kept], config)
     return [
-        Segment(number, pixels, points_xyz, piece)
-        for (number, pixels, piece), points_xyz in zip(kept, clouds, strict=True)
+        Segment(number, pixels, points_xyz)
+        for (number, pixels), points_xyz in zip(kept, clouds, strict=True)
     ]
 
 

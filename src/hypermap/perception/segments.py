@@ -19,11 +19,8 @@ class Segment:
         pixels: row-major indices of its pixels, increasing, shape (N,).
         points_xyz: its points in the camera's optical frame [m], shape (N, 3); smoothed by the
             method "enclosed".
-        is_piece: whether its box cut it out of a larger surface, so that its border is less
-            certain.
     """
 
     detection: int
     pixels: IntArray
     points_xyz: NDArray[np.float32]
-    is_piece: bool = False
