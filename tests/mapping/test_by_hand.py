@@ -25,6 +25,7 @@ from hypermap.viewer.live.document import MapDocument
 from .evidence_tools import DEFAULT, THESIS, seen, square
 from .test_mapper import CONFIG, boxes, frame
 
+DAY = 86_400.0
 MOVED = shapely.box(0.05, -0.15, 0.45, 0.25)
 
 
@@ -177,6 +178,32 @@ def test_what_people_have_edited_stays_where_it_is_seen_no_more() -> None:
         evidence.update(seen())
     (found,) = evidence.objects()
     assert (found.name, found.existence) == ("Anna's chair", THESIS.forget_below)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        HandEdit(name="Anna's chair"),
+        HandEdit(footprint=square(0.1)),
+        HandEdit(drawn=SemanticObject("chair", square(0), id=0)),
+    ],
+)
+def test_what_people_have_edited_and_drives_have_missed_comes_back_as_itself(
+    edit: HandEdit,
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6 if edit.drawn is None else 0):
+        evidence.update(seen(square(0), stamp=second))
+    evidence.go_on_with(evidence.tracks(), {0: edit})
+    for second in range(60):
+        evidence.update(seen(stamp=DAY + second))
+    for second in range(3):
+        evidence.update(seen(square(0), stamp=2 * DAY + second))
+    (found,) = evidence.objects()
+    assert (found.id, found.name) == (0, edit.name or "chair")
+    (track,) = evidence.tracks().objects
+    assert track.by_hand == edit
+    assert evidence.tracks().existence[0] > 0
 
 
 def test_a_map_without_its_layer_of_objects_is_refused() -> None:

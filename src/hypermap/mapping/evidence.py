@@ -237,8 +237,10 @@ class EvidenceMap:
         there = [row for row in matches if self._may_be(row)]
         if matches and not there:  # objects deleted by hand do not come back
             return self._tracks.objects[matches[0]].id
-        # What is gone comes back by `find_moves`: another one may have moved to its place.
+        # What is gone comes back by `find_moves`, as another one may have moved to its place; but
+        # what people have edited comes back here, as it never moves.
         matches = [row for row in there if not self._is_remembered(row)]
+        matches = matches or [row for row in there if self._is_edited(row)]
         if len(matches) == 0:
             row = self._tracks.append(name, class_, evidence, self.config.max_evidence)
         elif self.config.combine == "matches":
@@ -255,6 +257,9 @@ class EvidenceMap:
                 track.moved_since = track.buffer.items[0].stamp
                 track.pending = len(track.buffer)
                 self._tracks.misses[row] = 0
+        if self._is_remembered(row):
+            self._tracks.change_existence(row, -float(self._tracks.existence[row]))  # it is back
+            self._tracks.spared[row] = self._tracks.misses[row] = 0
         gain = self.config.gain * (evidence.score if self.config.gain_by_score else 1.0)
         self._tracks.change_existence(row, gain)
         if track.pending > self.config.renewal * len(track.buffer):
@@ -283,6 +288,9 @@ class EvidenceMap:
     def _may_be(self, row: int) -> bool:
         """Return whether a track may exist: not if it was deleted by hand."""
         return not (self._edited and self._tracks.objects[row].is_deleted)
+
+    def _is_edited(self, row: int) -> bool:
+        return self._edited and self._tracks.objects[row].by_hand is not None
 
     def _is_remembered(self, row: int) -> bool:
         """Return whether a track is gone, and kept only because its object may be elsewhere."""
