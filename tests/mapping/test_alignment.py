@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import FREE, OCCUPIED, OccupancyLayer
+from hypermap.core.trajectory import trajectory_of
 from hypermap.evaluation.metrics import evaluate
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig, profile
 from hypermap.mapping.consistency import Agreement
+from hypermap.mapping.evidence_buffer import Evidence
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.recording_to_map import map_recording
 from hypermap.mapping.stages import AlignmentConfig
@@ -241,16 +243,26 @@ def test_correcting_the_pose_does_not_decode_the_color(frames: list[RgbdFrame]) 
     Aligner(true_occupancy(ROOM), CONFIG).align(frame)
 
 
+def evidence_of(mapper: Mapper) -> list[Evidence]:
+    return [item for track in mapper.evidence.tracks().objects for item in track.buffer.items]
+
+
 def test_evidence_knows_how_its_pose_was_corrected(frames: list[RgbdFrame]) -> None:
     mapper = Mapper(profile("default"), detections_from_recording(), true_occupancy(ROOM))
     for frame in frames:
         mapper.add(off_by(frame, 0.05, -0.04, 0.02))
-    items = [item for track in mapper.evidence.tracks().objects for item in track.buffer.items]
+    items = evidence_of(mapper)
     given = {frame.stamp: off_by(frame, 0.05, -0.04, 0.02) for frame in frames}
     assert len({item.correction for item in items}) > 3
     for item in items:
         frame, (x, y, turn) = given[item.stamp], item.correction
         assert np.allclose(off_by(frame, x, y, turn).map_T_camera, item.map_T_camera)
+    stamps, poses = mapper.logged_poses()
+    mapper.correct(trajectory_of(stamps, poses))
+    assert [one.correction for one in evidence_of(mapper)] == [one.correction for one in items]
+    poses[:, 0, 3] += 0.1
+    mapper.correct(trajectory_of(stamps, poses))
+    assert {item.correction for item in evidence_of(mapper)} == {(0.0, 0.0, 0.0)}
 
 
 def test_objects_come_to_lie_where_they_are_in_a_known_map() -> None:

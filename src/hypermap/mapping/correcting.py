@@ -21,13 +21,12 @@ from hypermap.mapping.evidence_buffer import FoundEvidence, evidence_from_frames
 from hypermap.mapping.floor_motions import FloorMotions
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, unpacked_frames
 from hypermap.mapping.merging.moving import renumbered
-from hypermap.mapping.moved_frames import moved_frames
+from hypermap.mapping.moved_frames import ROUNDING, moved_frames
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.tracks import TrackTable
 from hypermap.mapping.usable import FARTHEST_POSE
 
 _AT_ONCE = 64  # frames that are moved together
-_ROUNDING = 1e-9  # largest difference between the numbers of equal poses
 
 
 class CannotCorrect(HypermapError):
@@ -228,7 +227,7 @@ def _moved_frames(
 def _parts_that_stay(log: FrameLog, poses: NDArray[np.float64]) -> int:
     """Return how many parts of a log, except the last, are before the first frame that moves."""
     ends = np.cumsum([len(part.frames) for part in log.parts])
-    moves = np.abs(poses - log.poses).max(axis=(1, 2)) > _ROUNDING
+    moves = np.abs(poses - log.poses).max(axis=(1, 2)) > ROUNDING
     first = int(np.argmax(moves)) if moves.any() else len(poses)
     return min(int(np.searchsorted(ends, first, side="right")), len(log.parts) - 1)
 

@@ -95,6 +95,7 @@ def packed_frame(frame: LoggedFrame) -> bytes:
         "stamp": observation.stamp,
         "names": [one.name for one in objects],
         "finds_objects": frame.finds_objects,
+        "correction": list(observation.correction),
         "view": view,
         "cells": cells,
     }
@@ -157,7 +158,8 @@ def _unpacked(file: ArrayFile, shapes: Sequence[shapely.Polygon]) -> LoggedFrame
     )
     pose = arrays["pose"].reshape(4, 4)
     view = _unpacked_view(facts["view"], arrays, pose)
-    observation = Observation(float(facts["stamp"]), pose, objects, area, view)
+    x, y, yaw = map(float, facts.get("correction", (0, 0, 0)))  # not in earlier versions
+    observation = Observation(float(facts["stamp"]), pose, objects, area, view, (x, y, yaw))
     seen = _unpacked_cells(facts["cells"], arrays)
     return LoggedFrame(observation, seen, bool(facts["finds_objects"]))
 

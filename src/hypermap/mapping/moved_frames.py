@@ -14,11 +14,16 @@ from hypermap.mapping.frame_log import LoggedFrame, floor_motion
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation, ObservedObject
 
+ROUNDING = 1e-9
+"""Largest difference between the numbers of equal poses."""
+
 
 def moved_frames(
     frames: Sequence[LoggedFrame], poses: Sequence[NDArray[np.float64]], resolution: float
 ) -> list[LoggedFrame]:
     """Return frames as if taken from other poses, whose roll and pitch are ignored.
+
+    Those that move were not corrected by a map: their poses are the recorded ones from now on.
 
     Args:
         frames: as they were mapped.
@@ -72,7 +77,9 @@ def _moved(
     view = before.view
     if view is not None:
         view = DepthView(view.camera, pose, view.reach, view.max_range)
-    return Observation(before.stamp, pose, objects, area, view)
+    stays = np.abs(pose - before.map_T_camera).max() <= ROUNDING
+    correction = before.correction if stays else (0.0, 0.0, 0.0)
+    return Observation(before.stamp, pose, objects, area, view, correction)
 
 
 def _in_space(motion: Pose2D, lift: float) -> NDArray[np.float64]:

@@ -64,5 +64,6 @@ class Observation:
     correction: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.stamp) and np.isfinite(self.map_T_camera).all()):
+        poses = self.map_T_camera, self.correction
+        if not (math.isfinite(self.stamp) and all(np.isfinite(pose).all() for pose in poses)):
             raise ValueError(f"the stamp and the pose must be finite, got the stamp {self.stamp}")
