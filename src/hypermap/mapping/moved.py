@@ -67,6 +67,32 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
         stamp: of the frame that was added last [s]; infinite for none since the last call. A drive
             that is mapped after later ones adds views from before these.
     """
+    gone, there = _gone_and_new(tracks, config)
+    if not there:  # the usual case, which is fast
+        return []
+    is_near, ways = _within_reach(tracks, gone, there)
+    may_be = _possible(tracks, gone, there, is_near, stamp)
+    if not may_be.any():  # comparing shapes takes much longer than all of this
+        return []
+    # Most drives do not get here, and the import takes a quarter of a second.
+    from scipy.optimize import linear_sum_assignment
+
+    alike = _compared(tracks, gone, there, is_near)
+    alike[alike < MAY_BE] = 0
+    _leave_out_older(alike, _gone_since(tracks, gone))
+    alike[~may_be] = 0
+    rows, cols = linear_sum_assignment(np.where(alike > 0, ways, 1e6))
+    found = []
+    for i, j in zip(rows.tolist(), cols.tolist(), strict=True):
+        if alike[i, j] > 0:
+            rivals = max(alike[i].sum(), alike[:, j].sum())
+            ids = tracks.objects[gone[i]].id, tracks.objects[there[j]].id
+            found.append(Move(*ids, float(alike[i, j] ** 2 / rivals)))
+    return found
+
+
+def _gone_and_new(tracks: TrackTable, config: EvidenceConfig) -> tuple[list[int], list[int]]:
+    """Return the rows of gone tracks, and of new ones of their classes; both empty if one is."""
     objects = tracks.objects
     times = np.array([track.buffer.surely_there for track in objects], np.float64).reshape(-1, 2)
     first, last = times.T
@@ -78,35 +104,21 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
     is_gone |= last < newest - STALE  # or may be, because it was not looked at yet
     is_gone[edited] = False
     gone = [row for row in is_gone.nonzero()[0].tolist() if objects[row].buffer.count >= CONFIRMED]
-    if not gone:  # the usual case, which is fast
-        return []
-    names = {objects[row].name for row in gone}
+    if not gone:
+        return [], []
     now = max(track.buffer.last_seen for track in objects)
     is_there &= first > now - STALE  # ids that people have known for longer stay
-    rows = (is_there & (first > last[gone].min())).nonzero()[0].tolist()
-    there = [row for row in rows if objects[row].name in names]
-    if not there:
-        return []
-    is_near, ways = _within_reach(tracks, gone, there)
-    may_be = _possible(tracks, gone, there, is_near, stamp)
-    if not may_be.any():  # comparing shapes takes much longer than all of this
-        return []
-    # Most drives do not get here, and the import takes a quarter of a second.
-    from scipy.optimize import linear_sum_assignment
+    is_there &= first > last[gone].min()
+    names = {objects[row].name for row in gone}
+    there = [row for row in is_there.nonzero()[0].tolist() if objects[row].name in names]
+    return (gone, there) if there else ([], [])
 
-    alike = _compared(tracks, gone, there, is_near)
-    alike[alike < MAY_BE] = 0
+
+def _gone_since(tracks: TrackTable, gone: Sequence[int]) -> NDArray[np.float64]:
+    """Return since when tracks are gone [s]; the newest stamp for those that may still be there."""
+    latest = max(track.buffer.surely_there[1] for track in tracks.objects)
     since = [tracks.objects[row].gone_since for row in gone]
-    _leave_out_older(alike, np.array([last.max() if one is None else one for one in since]))
-    alike[~may_be] = 0
-    rows, cols = linear_sum_assignment(np.where(alike > 0, ways, 1e6))
-    found = []
-    for i, j in zip(rows.tolist(), cols.tolist(), strict=True):
-        if alike[i, j] > 0:
-            rivals = max(alike[i].sum(), alike[:, j].sum())
-            ids = tracks.objects[gone[i]].id, tracks.objects[there[j]].id
-            found.append(Move(*ids, float(alike[i, j] ** 2 / rivals)))
-    return found
+    return np.array([latest if one is None else one for one in since], np.float64)
 
 
 def _began(tracks: TrackTable, row: int) -> float:
