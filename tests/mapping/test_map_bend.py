@@ -38,3 +38,12 @@ def test_a_map_that_lies_aside_as_a_whole_is_not_bent() -> None:
 @pytest.mark.parametrize("count", [0, 1, len(PLACES)])
 def test_nothing_is_known_of_places_seen_once(count: int) -> None:
     assert bend_of_map(STAMPS[:count], XY[:count], drawn(count, 0.05, 3)) == 0
+
+
+def test_two_looks_do_not_say_how_sure_they_are() -> None:
+    """Localization errs alike in a row of places, and by chance alike in both looks."""
+    stamps = np.repeat([0.0, 30.0], len(PLACES)) + np.tile(np.arange(len(PLACES)) / 3, 2)
+    xy, row = np.tile(PLACES, (2, 1)), len(PLACES) // 5
+    for seed in range(5):
+        wandering = np.repeat(drawn(10, 0.03, seed), row, axis=0)
+        assert bend_of_map(stamps, xy, wandering) == 0

@@ -20,6 +20,7 @@ from hypermap.core.arrays import BoolArray, IntArray
 
 _TIME = 15.0  # seconds; corrections one such time apart, or more, have independent errors
 _PARTS = 10  # of the time, of which one is left out
+_FEWEST = 3  # of two parts, one alone shows no place twice, so there is no standard error
 _SIDE = 1.0  # meters; of the square cells that count as one place
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ def bend_of_map(stamps: Array, xy: Array, moves: Array) -> float:
     """Return how far a map is surely bent: standard deviation in x and in y [m].
 
     It is the estimate of the variance less its standard error. What all places share is no bend.
-    It is 0 if no place was seen twice.
+    It is 0 if no place was seen twice, or at fewer than three times.
 
     Args:
         stamps: when something was seen [s], shape (N,).
@@ -49,7 +50,9 @@ def bend_of_map(stamps: Array, xy: Array, moves: Array) -> float:
         _recurring(places[parts != part], times[parts != part], means[parts != part])
         for part in np.unique(parts)
     ]
-    error = math.sqrt(max(len(without) - 1, 0) * float(np.var(without))) if without else 0.0
+    if len(without) < _FEWEST:
+        return 0.0
+    error = math.sqrt((len(without) - 1) * float(np.var(without)))
     return math.sqrt(max(_recurring(places, times, means) - error, 0.0))
 
 
