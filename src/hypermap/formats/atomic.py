@@ -200,8 +200,10 @@ class Unfinished:
         Raises:
             OSError: If that is not possible; the old file then remains.
         """
-        old = _set_aside(self.path)
-        with contextlib.suppress(FileNotFoundError):
+        if final.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(final))
+        old, has_old = _set_aside(self.path), final.exists()
+        if has_old:
             try:
                 os.link(final, old, follow_symlinks=False)  # so that a killed program leaves it
             except (OSError, NotImplementedError):  # on FAT
@@ -209,7 +211,7 @@ class Unfinished:
 
         def put_back() -> None:
             with contextlib.suppress(OSError):
-                if old.exists():
+                if has_old:
                     old.replace(final)
                 else:
                     final.unlink()
@@ -223,10 +225,15 @@ class Unfinished:
 
 
 @contextmanager
-def unfinished_file(folder: Path, suffix: str = "") -> Iterator[Unfinished]:
+def unfinished_file(folder: Path, suffix: str = "", mode: int = 0o666) -> Iterator[Unfinished]:
     """Yield a new file in a folder, which may get its name when it is written, and else is removed.
 
     Such files that killed programs left are removed.
+
+    Args:
+        folder: the folder.
+        suffix: how the file's name ends.
+        mode: who may read and write it meanwhile, as far as the umask allows.
 
     Raises:
         OSError: If it cannot be created.
@@ -234,7 +241,7 @@ def unfinished_file(folder: Path, suffix: str = "") -> Iterator[Unfinished]:
     _sweep_parts(folder)
     path = folder / f".hypermap-{secrets.token_hex(8)}.part{suffix}"
     try:
-        with os.fdopen(_created(path), "wb") as file:
+        with os.fdopen(_created(path, mode), "wb") as file:
             lock_file(file.fileno())
             yield Unfinished(path, file)
     finally:
@@ -284,8 +291,8 @@ def _save(journal: Journal, contents: Sequence[bytes], before: Before) -> None:
                 for temporary, _ in moves:
                     temporary.stat()  # nobody has removed it
             undo = before()
+            is_committed = True  # or nearly so
             if not is_one:
-                is_committed = True  # or nearly so
                 journal.write()
             journal.put_in_place(is_first=is_one or turn == "alone")
         except BaseException:
@@ -306,9 +313,9 @@ def _write(temporary: Path, final: Path, content: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def _created(temporary: Path) -> int:
+def _created(temporary: Path, mode: int = 0o666) -> int:
     # Not the tempfile module: its files are readable by their owner alone.
-    return os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+    return os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
 
 
 def _look_like(final: Path, handle: int) -> None:

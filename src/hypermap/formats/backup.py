@@ -64,7 +64,7 @@ def save_with_backup(hypermap: Hypermap, path: Path, *, spare_edited: bool = Fal
     final = final_of(backup)
     with contextlib.ExitStack() as held:
         with _keeping(backup):
-            copied = held.enter_context(unfinished_file(final.parent))
+            copied = held.enter_context(unfinished_file(final.parent, mode=0o600))
             copied.path.write_bytes(content)
 
         def before() -> Undo:
