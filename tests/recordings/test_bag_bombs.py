@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bz2
 import os
 import sqlite3
 from pathlib import Path
@@ -9,9 +10,12 @@ from typing import Any
 
 import pytest
 from rosbags import rosbag1, rosbag2
+from rosbags.rosbag1 import reader as rosbag1_reader
+from rosbags.rosbag2 import storage_mcap as mcap
 
 from hypermap.core.errors import FormatError
 from hypermap.recordings.bag import bombs
+from hypermap.recordings.bag.bombs import zstd
 from hypermap.recordings.bag.file import BagFile
 
 from .bag_builder import DEPTH, BagBuilder, add_images, write_bag
@@ -19,11 +23,15 @@ from .shots import SHOTS
 
 BZ2 = rosbag1.Writer.CompressionFormat.BZ2
 LZ4 = rosbag1.Writer.CompressionFormat.LZ4
-IN_CHUNKS = rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD
+ZSTD = rosbag2.CompressionFormat.ZSTD
+IN_CHUNKS = rosbag2.CompressionMode.STORAGE, ZSTD
+EACH_MESSAGE = rosbag2.CompressionMode.MESSAGE, ZSTD
+WHOLE_FILES = rosbag2.CompressionMode.FILE, ZSTD
 
 
 @pytest.mark.parametrize(
-    ("kind", "compression"), [("ros1", [BZ2]), ("ros1", [LZ4]), ("mcap", IN_CHUNKS)]
+    ("kind", "compression"),
+    [("ros1", [BZ2]), ("ros1", [LZ4]), ("mcap", IN_CHUNKS), ("db3", EACH_MESSAGE)],
 )
 def test_a_chunk_that_unpacks_to_too_much_is_refused(
     tmp_path: Path, kind: str, compression: Any, monkeypatch: pytest.MonkeyPatch
@@ -36,6 +44,36 @@ def test_a_chunk_that_unpacks_to_too_much_is_refused(
     monkeypatch.setattr(bombs, "MOST_BYTES", 1000)
     with pytest.raises(FormatError, match="a chunk unpacks to more than"):
         list(BagFile(bag.path).messages([DEPTH]))
+
+
+def test_a_packed_file_that_fills_the_disk_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = BagBuilder(tmp_path, "db3")
+    bag._writer.set_compression(*WHOLE_FILES)
+    with bag:
+        add_images(bag, SHOTS[0])
+    assert len(list(BagFile(bag.path).messages([DEPTH]))) == 1
+    monkeypatch.setattr(bombs, "SMALL_FILE", 1000)
+    monkeypatch.setattr(bombs, "MOST_COMPRESSION", 1)
+    with pytest.raises(FormatError, match="a file unpacks to more than 1 times its size"):
+        list(BagFile(bag.path).messages([DEPTH]))
+
+
+@pytest.mark.parametrize(
+    ("packed", "unpacked"),
+    [
+        (bz2.compress, rosbag1_reader.decompressors["bz2"]),
+        (zstd.compress, lambda data: mcap.DECOMPRESSORS["zstd"](data, 0)),
+    ],
+    ids=["bz2", "zstd"],
+)
+def test_a_chunk_may_be_of_several_streams(packed: Any, unpacked: Any) -> None:
+    assert unpacked(packed(b"one, ") + packed(b"two")) == b"one, two"
+    with pytest.raises(FormatError, match="more than 1000 streams"):
+        unpacked(packed(b"") * 1001)
+    with pytest.raises(FormatError, match="cut off"):
+        unpacked(packed(b"one")[:-1])
 
 
 def test_a_table_that_computes_gigabytes_is_refused(tmp_path: Path) -> None:

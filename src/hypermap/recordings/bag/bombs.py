@@ -7,15 +7,18 @@ compute what they contain.
 from __future__ import annotations
 
 import bz2
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, BinaryIO, Literal
 
 import apsw
 import lz4.frame  # type: ignore[import-untyped]
 from rosbags.rosbag1 import reader as ros1
+from rosbags.rosbag2 import reader as ros2
 from rosbags.rosbag2 import storage_mcap as mcap
 
 from hypermap.core.errors import FormatError
@@ -25,17 +28,22 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-MOST_BYTES = 1 << 28  # of a chunk once it is unpacked, and of a value in a database
+MOST_BYTES = 1 << 28  # of a chunk or message once it is unpacked, and of a value in a database
+SMALL_FILE = 1 << 30  # bytes that a packed file of a bag may unpack to in any case
+MOST_COMPRESSION = 1000  # unpacked size over packed size, for larger ones
+_PIECE = 1 << 24  # bytes that are unpacked at a time
+_MOST_STREAMS = 1000  # of a chunk; each beginning copies what is left
 MOST_DEFINITION = 100_000  # characters of a connection's message definitions
 
 
-def bound_chunks() -> None:
-    """Let rosbags unpack no chunk that exceeds `MOST_BYTES`."""
+def bound_unpacking() -> None:
+    """Let rosbags unpack no chunk or message beyond `MOST_BYTES`, and no file that is a bomb."""
     ros1.decompressors["bz2"] = _bounded(bz2.BZ2Decompressor)
     ros1.decompressors["lz4"] = _bounded(lz4.frame.LZ4FrameDecompressor)
     of_lz4, of_zstd = ros1.decompressors["lz4"], _bounded(zstd.ZstdDecompressor)
     mcap.DECOMPRESSORS["lz4"] = lambda data, _: of_lz4(data)
     mcap.DECOMPRESSORS["zstd"] = lambda data, _: of_zstd(data)
+    vars(ros2)["zstd"] = SimpleNamespace(decompress=of_zstd, open=_BoundedFile)
 
 
 @contextmanager
@@ -74,18 +82,45 @@ def check_definition(text: str, topic: str) -> None:
 
 
 def _bounded(decompressor: Callable[[], Any]) -> Callable[[bytes], bytes]:
-    """Return what unpacks a chunk, and refuses one that is too large."""
+    """Return what unpacks a chunk or message of one or several streams, unless it is too large."""
 
     def unpacked(data: bytes) -> bytes:
-        unpacking = decompressor()
-        content: bytes = unpacking.decompress(data, max_length=MOST_BYTES + 1)
-        if len(content) > MOST_BYTES:
-            raise FormatError(f"a chunk unpacks to more than {MOST_BYTES >> 20} MB")
-        if not unpacking.eof:
-            raise FormatError("a chunk is cut off")
-        return content
+        pieces, size, streams = [], 0, 0
+        while data:
+            unpacking = decompressor()
+            streams += 1
+            if streams > _MOST_STREAMS:
+                raise FormatError(f"a chunk is of more than {_MOST_STREAMS} streams")
+            while not unpacking.eof:
+                piece = unpacking.decompress(data, max_length=_PIECE)
+                data = b""
+                if not piece and not unpacking.eof and unpacking.needs_input:
+                    raise FormatError("a chunk is cut off")
+                pieces.append(piece)
+                size += len(piece)
+                if size > MOST_BYTES:
+                    raise FormatError(f"a chunk unpacks to more than {MOST_BYTES >> 20} MB")
+            data = unpacking.unused_data or b""
+        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
 
     return unpacked
+
+
+class _BoundedFile(zstd.ZstdFile):
+    """A packed file of a bag, which rosbags unpacks into a temporary folder."""
+
+    def __init__(self, file: BinaryIO, mode: Literal["rb"]) -> None:
+        super().__init__(file, mode)
+        self._most = max(SMALL_FILE, MOST_COMPRESSION * os.fstat(file.fileno()).st_size)
+
+    def read(self, size: int | None = -1) -> bytes:
+        piece: bytes = super().read(size)
+        if self.tell() > self._most:
+            raise FormatError(
+                f"a file unpacks to more than {MOST_COMPRESSION} times its size, and more than "
+                f"{SMALL_FILE >> 20} MB"
+            )
+        return piece
 
 
 def _bound(connection: apsw.Connection) -> None:

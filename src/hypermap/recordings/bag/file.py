@@ -17,7 +17,7 @@ from rosbags.typesys.store import Typestore
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.formats.store import refuse_pointer
 from hypermap.recordings.bag.bombs import (
-    bound_chunks,
+    bound_unpacking,
     bounded_databases,
     check_definition,
     check_files,
@@ -34,7 +34,7 @@ _REPAIR = {
 }
 
 
-bound_chunks()
+bound_unpacking()
 
 
 class DamagedMessage(FormatError):
