@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 from shapely import affinity
 from shapely.geometry.base import BaseGeometry
-from stage_budget import CONFIG, Drive, driven, origins
+from stage_budget import CONFIG, Drive, driven, observed, origins
 
 from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.matching import iou_matrix
@@ -29,7 +29,6 @@ from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.published import PublishedTracks
 from hypermap.mapping.tracks import Track
 from hypermap.perception.detections import Detections
-from hypermap.perception.observe import observe
 
 STAGES = (
     "never detected",
@@ -65,7 +64,7 @@ class Passage:
             came_from = origins(boxes, shown.instances, len(self.truth))
             own = [self._own(*of) for of in zip(came_from, found.names, strict=True)]
             self.detected.update({thing for thing in own if thing >= 0})
-            seen = observe(shown.frame, found, CONFIG.perception)
+            seen = observed(shown.frame, found, shown.recorded)
             self.map.update(seen)
             kept = {one.detection: one for one, _ in self.map.shown if one.detection is not None}
             self.cut_out.update({own[number] for number in kept} - {-1})

@@ -37,10 +37,12 @@ from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.keyframes import KeyframeSelector
+from hypermap.mapping.perceived import Perceived
 from hypermap.mapping.published import PublishedTracks
 from hypermap.mapping.tracks import Track
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.observation import Observation
 from hypermap.perception.observe import observe
 from hypermap.simulation import SimulatedRecording, built_in_world, errors_of_level, varied
 from hypermap.simulation.detector import visible_boxes
@@ -65,12 +67,14 @@ class Shown:
 
     Attributes:
         frame: with the corrected pose.
+        recorded: `map_T_camera` before it was corrected.
         pose: the true `map_T_camera`.
         instances: which thing each pixel shows, -1 for none.
         depth: of each pixel, without errors [m].
     """
 
     frame: RgbdFrame
+    recorded: NDArray[np.float64]
     pose: NDArray[np.float64]
     instances: NDArray[np.int32]
     depth: NDArray[np.float32]
@@ -98,8 +102,15 @@ def driven(name: str, seed: int, level: str, rate: float) -> Drive:
     for frame, pose in zip(recording.frames(), recording.true_poses, strict=True):
         if keyframes.accept(frame.map_T_camera):
             view = views.seen(pose, None)
-            shown.append(Shown(aligner.align(frame), pose, view.instances, view.depth))
+            recorded = frame.map_T_camera
+            shown.append(Shown(aligner.align(frame), recorded, pose, view.instances, view.depth))
     return Drive(tuple(true_objects(world).objects()), occupancy, shown)
+
+
+def observed(frame: RgbdFrame, found: Detections, recorded: NDArray[np.float64]) -> Observation:
+    """Return what a frame shows, and how its pose was corrected from the recorded one."""
+    seen = Perceived(found, 0, observe(frame, found, CONFIG.perception), None)
+    return seen.corrected_from(recorded).observation
 
 
 def origins(boxes: NDArray[np.float64], instances: NDArray[np.int32], count: int) -> list[int]:
@@ -144,15 +155,14 @@ class Oracle:
         if "detection" in self.perfect:
             found = exact_detections(shown.instances, names)
         came_from = origins(found.xyxy.astype(np.float64), shown.instances, len(names))
-        frame = shown.frame
+        frame, recorded = shown.frame, shown.recorded
         if "poses" in self.perfect:
-            frame = replace(frame, map_T_camera=shown.pose)
+            frame, recorded = replace(frame, map_T_camera=shown.pose), shown.pose
         if "depth" in self.perfect:
             frame = replace(frame, depth=shown.depth)
-        perception = CONFIG.perception
         if "cut-out" in self.perfect:
             found = _with_masks(found, came_from, shown.instances)
-        seen = observe(frame, found, perception)
+        seen = observed(frame, found, recorded)
         for one in seen.objects:
             self.origin[seen.stamp, one.score] = came_from[one.detection]
         self.map.update(seen)
