@@ -17,6 +17,7 @@ from hypermap.recordings.bag.topics import (
     OCCUPANCY,
     TRANSFORMS,
     choose_topics,
+    may_hold_depth,
 )
 
 from .bag_builder import BagBuilder, add_poses, camera_info, image
@@ -157,6 +158,11 @@ def test_depth_that_no_name_tells_is_found_by_its_encoding(tmp_path: Path, kind:
     assert recording.info().notes[0] == (
         "/oak/stereo/image_raw is taken as depth, because of its encoding 16UC1"
     )
+
+
+def test_thermal_images_which_have_16_bits_too_are_not_taken_as_depth() -> None:
+    assert may_hold_depth(Topic("/oak/stereo/image_raw", IMAGE, 1))
+    assert not may_hold_depth(Topic("/Thermal/image_raw", IMAGE, 1))
 
 
 def test_all_topics_of_tf_are_read() -> None:

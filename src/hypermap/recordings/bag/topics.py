@@ -20,6 +20,7 @@ TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 DETECTIONS = ("darknet_ros_msgs/msg/BoundingBoxes", "vision_msgs/msg/Detection2DArray")
 
 _COLOR_WORDS = ("color", "colour", "rgb")
+_THERMAL_WORDS = ("thermal", "flir", "lwir")
 _NO_COLOR_WORDS = ("depth", "infra", "/ir/", "disparity", "mask", "label", "segment", "confidence")
 _REGISTERED_WORDS = ("registered", "aligned")
 
@@ -121,7 +122,8 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
 
 def may_hold_depth(topic: Topic) -> bool:
     """Return whether the images of a topic may be depth, although its name does not say so."""
-    return topic.type == IMAGE and topic.count > 0 and _is_color(topic)
+    is_thermal = _has(topic.name.lower(), _THERMAL_WORDS)  # which has 16 bits, too
+    return topic.type == IMAGE and topic.count > 0 and _is_color(topic) and not is_thermal
 
 
 def _color_info(topics: Sequence[Topic], color: Topic | None) -> Topic | None:
