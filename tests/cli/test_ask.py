@@ -9,6 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import shapely
+
+from hypermap import Hypermap, SemanticLayer, SemanticObject, save_map
 
 from .conftest import Result, assert_one_error
 
@@ -109,6 +112,15 @@ def test_what_was_not_understood_names_questions_that_are(hypermap: Run, room_ma
 def test_a_wrong_pose_is_refused(hypermap: Run, room_map: Path, start: str) -> None:
     result = hypermap("ask", room_map, "where is the nearest chair", "--pose", start)
     assert_one_error(result, "expected X,Y or X,Y,YAW, as 1.5,-2,90")
+
+
+def test_the_name_of_a_room_gives_an_answer_no_line_of_its_own(
+    hypermap: Run, tmp_path: Path
+) -> None:
+    office = SemanticObject("office\nhall is 0.00 m away", shapely.box(0, 0, 5, 5))
+    save_map(Hypermap([SemanticLayer("rooms", "map", [office])]), tmp_path / "rooms.hmap")
+    result = hypermap("ask", tmp_path / "rooms.hmap", "which room is nearest to (-3, 0)?")
+    assert result.out.splitlines()[1] == "office hall is 0.00 m away is 3.00 m away"
 
 
 def test_the_shell_asks_the_same(hypermap: Run, room_map: Path) -> None:

@@ -27,6 +27,7 @@ _GIVES = {
     "places": "which places",
     "value": "what was measured",
 }
+_LONGEST_NOTE = 1000  # characters of what is said next to an answer
 _MOST = 20  # objects are listed
 
 
@@ -162,7 +163,7 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
     shown = len(answer.rooms) if query.counts_each_room else answer.count
     if shown > _MOST and (give != "count" or query.per is not None):
         yield f"and {shown - _MOST} more; --json lists all"
-    yield from answer.notes
+    yield from (printable(note, _LONGEST_NOTE) for note in answer.notes)
 
 
 def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:
