@@ -157,7 +157,7 @@ class Delivery:
                 self._said = ""
             except HypermapError as error:  # away, or what an administrator can mend
                 self._complain(f"{error}; observations wait in {self._spool.path}")
-            except Exception as error:  # of a library; the thread must not end in silence
+            except Exception as error:  # of any library below; this thread must not end in silence
                 self._complain(
                     f"{type(error).__name__}: {error}; observations wait in {self._spool.path}"
                 )

@@ -1,7 +1,8 @@
 """Limits of what a small bag can unpack to: its own library, rosbags, knows none.
 
 A bag of 800 bytes can hold a chunk that unpacks to gigabytes, and the tables of one in SQLite can
-compute what they contain.
+compute what they contain. The libraries that are bounded here (apsw, bz2, lz4, zstd) are those that
+rosbags itself reads with, so they come with it.
 """
 
 from __future__ import annotations
