@@ -43,8 +43,11 @@ def overlap(
     """
     reach = _FARTHEST_CORNER * min(config.slack, math.sqrt(shape.area) / 4)
     xmin, ymin, xmax, ymax = shape.box
+    rows = tracks.near(class_, (xmin - reach, ymin - reach, xmax + reach, ymax + reach))
+    if len(rows) == 1 and _overlaps(shape, tracks.polygons[rows[0]], config.min_overlap):
+        return rows  # as buffered shapes, they share even more
     matches = []
-    for row in tracks.near(class_, (xmin - reach, ymin - reach, xmax + reach, ymax + reach)):
+    for row in rows:
         other = tracks.polygons[row]
         # Buffering a shape takes longer than everything else here.
         if other.area > shape.area:
@@ -75,6 +78,12 @@ ASSOCIATIONS: Mapping[str, Association] = {
     "overlap": overlap,
     "radius": radius,
 }
+
+
+def _overlaps(one: PreparedPolygon, other: PreparedPolygon, least: float) -> bool:
+    """Return whether two shapes match without slack."""
+    shared = shared_area(one, other)
+    return shared > 0 and shared >= least * min(one.area, other.area)
 
 
 def _widened(shape: PreparedPolygon, margin: float) -> PreparedPolygon:
