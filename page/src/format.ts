@@ -69,11 +69,15 @@ const COLUMNS = [
   "tags",
 ] as const;
 
+// As in spreadsheet.py: more than a sign, and not a number.
+const FORMULA = /^'*[=+\-@\t\r\uff1d\uff0b\uff0d\uff20]./s;
+const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
+
 /** Cells that a spreadsheet would evaluate as a formula are marked as text. */
 function cell(value: unknown): string {
   if (value === null || value === undefined) return "";
   let text = Array.isArray(value) ? value.join(" ") : String(value);
-  if (typeof value !== "number" && /^[=+\-@\t\r]/.test(text)) text = "'" + text;
+  if (FORMULA.test(text) && !NUMBER.test(text)) text = "'" + text;
   return /[",\n\r]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
 }
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, TypeAlias
@@ -13,6 +11,7 @@ from hypermap.evaluation.maps import MapObjects
 from hypermap.evaluation.matching import DUPLICATE_SHARE
 from hypermap.evaluation.metrics import Evaluation, Score
 from hypermap.evaluation.significance import MOST_EXACT
+from hypermap.spreadsheet import as_csv
 
 Data: TypeAlias = dict[str, Any]
 
@@ -84,18 +83,15 @@ def report(
 
 def csv_text(data: Data) -> str:
     """Return a report as CSV, a row for each figure; the value is empty if undefined."""
-    text = io.StringIO()
-    rows = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
-    rows.writeheader()
     inputs = {"ground_truth": data["ground_truth"]["map"], "estimate": data["estimate"]["map"]}
-    rows.writerows({**inputs, **row} for row in _rows(data))
+    rows = [{**inputs, **row} for row in _rows(data)]
     if "against" in data:
         other = data["against"]["estimate"]["map"]
-        rows.writerows({**inputs, "estimate": other, **row} for row in _rows(data["against"]))
+        rows += [{**inputs, "estimate": other, **row} for row in _rows(data["against"])]
         for comparison in data["comparison"]:
-            for row in _comparison_rows(comparison):
-                rows.writerow({**inputs, "against": other, **row})
-    return text.getvalue()
+            compared = _comparison_rows(comparison)
+            rows += [{**inputs, "against": other, **row} for row in compared]
+    return as_csv(COLUMNS, ([row.get(column) for column in COLUMNS] for row in rows))
 
 
 def _inputs(objects: MapObjects) -> Data:

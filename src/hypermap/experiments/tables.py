@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import html
-import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +11,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from hypermap.formats.atomic import write_file
+from hypermap.spreadsheet import as_csv
 
 NOT_DEFINED = "-"
 
@@ -133,14 +132,13 @@ def csv_of(table: Table) -> str:
         any(isinstance(row[place], Interval) for row in table.rows)
         for place in range(len(table.columns))
     ]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     heads = zip(table.columns, has_interval, strict=True)
-    writer.writerow([name for column, has in heads for name in _csv_titles(column.title, has)])
+    head = [name for column, has in heads for name in _csv_titles(column.title, has)]
+    rows = []
     for row in table.rows:
         cells = zip(row, has_interval, strict=True)
-        writer.writerow([value for cell, has in cells for value in _csv_values(cell, has)])
-    return text.getvalue()
+        rows.append([value for cell, has in cells for value in _csv_values(cell, has)])
+    return as_csv(head, rows)
 
 
 def _csv_titles(title: str, has_interval: bool) -> list[str]:

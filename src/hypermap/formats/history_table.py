@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -20,6 +18,7 @@ from hypermap.formats.atomic import write_file
 from hypermap.formats.columns.arrow import Column, Numbers, Words
 from hypermap.formats.columns.footprints import footprint_to_wkt
 from hypermap.formats.columns.geoparquet import write_geoparquet
+from hypermap.spreadsheet import as_csv
 
 _KEYS = (
     *("version", "time", "cause", "drive", "layer", "id", "what", "name_before", "name"),
@@ -79,12 +78,11 @@ def _utc(stamp: float) -> str:
 
 
 def _csv(rows: Sequence[dict[str, Any]], objects: Sequence[SemanticObject]) -> bytes:
-    text = io.StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow([*_KEYS, "geometry"])
-    for row, item in zip(rows, objects, strict=True):
-        table.writerow([*(row[key] for key in _KEYS), footprint_to_wkt(item.footprint)])
-    return text.getvalue().encode()
+    cells = (
+        [*(row[key] for key in _KEYS), footprint_to_wkt(item.footprint)]
+        for row, item in zip(rows, objects, strict=True)
+    )
+    return as_csv([*_KEYS, "geometry"], cells).encode()
 
 
 def _parquet(

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import html
-import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +10,7 @@ from typing import Any
 
 from hypermap.fleet.batch.batch import Result
 from hypermap.formats.atomic import write_file
+from hypermap.spreadsheet import as_csv
 
 _FIGURES = ("frames", "seconds", "frames_per_second", "objects", "f1", "precision", "recall", "iou")
 _PAGE = """<!DOCTYPE html>
@@ -79,11 +78,8 @@ def summary(results: Sequence[Result]) -> str:
 
 def csv_text(rows: Sequence[dict[str, Any]]) -> str:
     """Return rows as CSV with a head."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else [], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    columns = list(rows[0]) if rows else []
+    return as_csv(columns, ([row[column] for column in columns] for row in rows))
 
 
 def page(rows: Sequence[dict[str, Any]], summary_text: str) -> str:

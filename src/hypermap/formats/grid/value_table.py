@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
-
 import numpy as np
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.value_layer import ValueLayer
+from hypermap.spreadsheet import as_csv
 
 
 def to_csv(layer: ValueLayer) -> str:
@@ -23,9 +21,6 @@ def to_csv(layer: ValueLayer) -> str:
         raise HypermapError(f"layer {layer.name!r} is empty: there are no values to save")
     rows, cols = np.nonzero(~np.isnan(layer.cells))
     centers = layer.grid.centers(rows, cols)
-    text = io.StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["x", "y", "value", "deviation", "stamp", "unit"])
     columns = zip(
         centers.round(6).tolist(),
         layer.cells[rows, cols],
@@ -33,7 +28,8 @@ def to_csv(layer: ValueLayer) -> str:
         layer.stamp_at(centers).tolist(),
         strict=True,
     )
-    for (x, y), value, deviation, stamp in columns:
-        numbers = ("" if np.isnan(number) else str(number) for number in (value, deviation, stamp))
-        table.writerow([x, y, *numbers, layer.unit])
-    return text.getvalue()
+    cells = (
+        [*place, *("" if np.isnan(number) else str(number) for number in numbers), layer.unit]
+        for place, *numbers in columns
+    )
+    return as_csv(["x", "y", "value", "deviation", "stamp", "unit"], cells)

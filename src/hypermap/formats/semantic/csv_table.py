@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from typing import Any
 
@@ -12,6 +10,7 @@ import shapely
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats.semantic.records import record_from_object
 from hypermap.formats.yaml_text import plain_value
+from hypermap.spreadsheet import as_csv
 
 _FIRST = ("id", "name", "x", "y", "area", "existence", "first_seen", "last_seen", "tags")
 _GEOMETRY = "geometry"
@@ -31,11 +30,8 @@ def to_csv(layer: SemanticLayer) -> str:
     rows = [_row(table.object(row), *both) for row, both in enumerate(measured)]
     others = dict.fromkeys(key for row in rows for key in row)
     columns = [*_FIRST, *(key for key in others if key not in (*_FIRST, _GEOMETRY)), _GEOMETRY]
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, columns, lineterminator="\r\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    cells = ([row.get(column) for column in columns] for row in rows)
+    return as_csv(columns, cells, end="\r\n")
 
 
 def _row(item: SemanticObject, middle: list[float], area: float) -> dict[str, Any]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,6 +9,7 @@ from typing import Any
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.semantic.geojson import to_geojson
+from hypermap.spreadsheet import as_csv
 
 _COLUMNS = (
     "layer", "id", "name", "x", "y", "area", "existence", "first_seen", "last_seen", "tags",
@@ -19,13 +18,9 @@ _COLUMNS = (
 
 def rows_as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return rows of an answer as CSV with a head; several tags are separated by semicolons."""
-    content = io.StringIO()
-    writer = csv.writer(content)
-    writer.writerow(_COLUMNS)
-    for row in rows:
-        cells = {**row, "tags": ";".join(row["tags"])}
-        writer.writerow([cells[column] for column in _COLUMNS])
-    return content.getvalue()
+    joined = ({**row, "tags": ";".join(row["tags"])} for row in rows)
+    cells = ([row[column] for column in _COLUMNS] for row in joined)
+    return as_csv(_COLUMNS, cells, end="\r\n")
 
 
 def rows_as_geojson(hypermap: Hypermap, rows: Sequence[Mapping[str, Any]]) -> str:
