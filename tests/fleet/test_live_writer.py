@@ -24,7 +24,7 @@ from hypermap.fleet.store.followers import follow
 from hypermap.fleet.store.live_writer import Changes, LiveWriter
 from hypermap.fleet.store.observed import MOST_EVIDENCE, Observed, apply_observed
 from hypermap.fleet.store.pushing import pull, push
-from hypermap.fleet.store.spool import Delivery, Spool
+from hypermap.fleet.store.spool import Delivery, Spool, deliver
 from hypermap.fleet.store.thinning import DAY, thin
 from hypermap.fleet.store.updates import Update, apply
 from hypermap.testing import assert_same_objects, square
@@ -106,7 +106,7 @@ def test_a_file_that_is_no_spool_is_named(tmp_path: Path) -> None:
     with sqlite3.connect(tmp_path / "damaged") as file:
         file.execute("INSERT INTO waiting (content) VALUES ('{}')")
     file.close()
-    with pytest.raises(HypermapError, match="damaged: is damaged"):
+    with pytest.raises(HypermapError, match="damaged: entry 1: is damaged"):
         damaged.first()
     damaged.close()
 
@@ -119,7 +119,7 @@ def test_an_entry_that_says_nothing_is_damage(tmp_path: Path, wrong: str) -> Non
     with sqlite3.connect(tmp_path / "spool") as file:
         file.execute("INSERT INTO waiting (content) VALUES (?)", (wrong,))
     file.close()
-    with pytest.raises(HypermapError, match="spool: is damaged"):
+    with pytest.raises(HypermapError, match="spool: entry 1: is damaged"):
         spool.first()
     spool.close()
 
@@ -240,6 +240,58 @@ def test_an_error_of_a_library_does_not_end_the_delivery_in_silence(
     wait_until(lambda: len(spool) == 0)
     assert delivery.close() == 0
     spool.close()
+
+
+def test_what_the_store_refuses_is_set_aside_and_the_rest_is_stored(
+    store: str, site: str, database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spool, troubles = Spool(tmp_path / "spool"), []
+    cups = [square("cup", float(2 * n), 0, id=n) for n in range(4)]
+    cups[2] = square("a cup\0", 4, 0, id=2)  # text of PostgreSQL has no NUL
+    spool.put(Observed(site, "semantic", "anna", cups))
+    spool.put(Observed(site, "semantic", "anna", [square("mug", 9, 0, id=9)]))
+    with contextlib.closing(sqlite3.connect(spool.path)) as file, file:
+        file.execute("INSERT INTO waiting (content) VALUES ('{}')")
+    spool.put(Observed(site, "semantic", "anna", [square("bowl", 11, 0, id=11)]))
+    delivery = Delivery(spool, parse_address(store), troubles.append)
+    wait_until(lambda: len(spool) == 0)
+    assert delivery.close() == 0
+    names = sorted(item.name for item in pull(database, site).semantic())
+    assert names == ["bowl", "cup", "cup", "cup", "mug"]
+    assert spool.aside == 2
+    spool.close()
+    assert len(troubles) == 2
+    assert all("this was set aside in the table `refused`" in trouble for trouble in troubles)
+    again: list[str] = []
+    LiveWriter(lambda: (mapped(0, 1), None), NOWHERE, spool.path, "anna", again.append).close()
+    assert (
+        f"2 parts were refused by the store, in all runs; see table `refused` of {spool.path}"
+        in again
+    )
+
+
+def test_what_a_library_fails_at_again_and_again_is_set_aside(
+    store: str, site: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hypermap.fleet.store.spool._PATIENCE", 0.0)
+    right = deliver
+
+    def fail(database: Database, observed: Observed) -> None:
+        if any(item.name == "bad" for item in observed.objects):
+            raise RuntimeError("of a library")
+        right(database, observed)
+
+    monkeypatch.setattr("hypermap.fleet.store.spool.deliver", fail)
+    spool, troubles = Spool(tmp_path / "spool"), []
+    spool.put(Observed(site, "semantic", "anna", [square("bad", 0, 0, id=1)]))
+    spool.put(Observed(site, "semantic", "anna", [square("cup", 3, 0, id=2)]))
+    delivery = Delivery(spool, parse_address(store), troubles.append)
+    wait_until(lambda: len(spool) == 0)
+    assert delivery.close() == 0
+    assert spool.aside == 1
+    spool.close()
+    assert troubles[0] == f"RuntimeError: of a library; observations wait in {spool.path}"
+    assert "set aside" in troubles[1]
 
 
 def test_what_waits_is_sent_by_the_next_run(

@@ -20,6 +20,10 @@ class StoreAway(StoreError):
     """The database does not answer; it may later."""
 
 
+class ContentRefused(StoreError):
+    """A store will never take this content, though it may take others."""
+
+
 @dataclass(frozen=True)
 class Address:
     """A database, and what of it is meant.

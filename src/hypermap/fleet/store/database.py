@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hypermap.core.errors import MissingExtra
-from hypermap.fleet.store.address import Address, StoreAway, StoreError
+from hypermap.fleet.store.address import Address, ContentRefused, StoreAway, StoreError
 
 try:
     import psycopg
@@ -25,6 +25,12 @@ __all__ = ["SCHEMA_VERSION", "Database", "connect", "errors", "psycopg", "reason
 SCHEMA_VERSION = "2"
 """The newest of `migrations/versions`, which this program reads and writes."""
 
+_OF_ITS_DISK = (errors.DataCorrupted, errors.IndexCorrupted)  # internal errors, too
+_OF_CONTENT = (
+    psycopg.DataError,
+    psycopg.IntegrityError,
+    psycopg.InternalError,
+)  # PostGIS: the last
 _OF_THE_QUESTION = ("LINE ", "^", "CONTEXT")
 _CONNECT_SECONDS = 10
 # No jit: it takes longer than a look-up by indexes.
@@ -159,11 +165,13 @@ class Database:
                     f"{self.address.shown}: the database cannot be reached: {reason}"
                 ) from None
             raise StoreError(f"{self.address.shown}: {reason_of(error)}") from None
-        except (psycopg.DataError, psycopg.InternalError) as error:  # the latter of PostGIS
+        except _OF_ITS_DISK as error:
             raise StoreError(f"{self.address.shown}: {reason_of(error)}") from None
+        except _OF_CONTENT as error:
+            raise ContentRefused(f"{self.address.shown}: {reason_of(error)}") from None
         except UnicodeEncodeError as error:
             text = error.object[:60]
-            raise StoreError(
+            raise ContentRefused(
                 f"{self.address.shown}: {text!r} is not valid Unicode and cannot be stored"
             ) from None
 

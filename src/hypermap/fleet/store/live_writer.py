@@ -118,7 +118,12 @@ class LiveWriter:
         if self._left is not None:
             self._on_trouble(f"{self._said}; the last observations are lost")
         try:
-            return self._delivery.close()
+            waiting = self._delivery.close()
+            if aside := self._spool.aside:
+                was = "1 part was" if aside == 1 else f"{aside} parts were"
+                where = f"table `refused` of {self._spool.path}"
+                self._on_trouble(f"{was} refused by the store, in all runs; see {where}")
+            return waiting
         finally:
             self._spool.close()
 

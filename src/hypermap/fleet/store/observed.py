@@ -79,6 +79,36 @@ class Observed:
     id: uuid.UUID = field(default_factory=uuid.uuid4)
 
 
+def parts_of(observed: Observed) -> list[Observed]:
+    """Return the same observations in two parts; one alone cannot be divided.
+
+    The parts have ids that follow from that of the whole, so that they are stored once, too.
+    """
+    evidence = observed.evidence
+    seen = set() if evidence is None else set(evidence.object_ids.tolist())
+    ids = sorted({item.id or 0 for item in observed.objects} | set(observed.removed) | seen)
+    if observed.cells is not None and ids:
+        halves: list[Sequence[int]] = [ids, ()]
+    elif len(ids) > 1:
+        halves = [ids[: len(ids) // 2], ids[len(ids) // 2 :]]
+    else:
+        return [observed]
+    return [_part(observed, set(half), number) for number, half in enumerate(halves)]
+
+
+def _part(observed: Observed, ids: set[int], number: int) -> Observed:
+    """Return what concerns some of a robot's objects; without any, the cells."""
+    evidence = None if observed.evidence is None else observed.evidence.of(sorted(ids))
+    return dataclasses.replace(
+        observed,
+        objects=[item for item in observed.objects if (item.id or 0) in ids],
+        removed=[each for each in observed.removed if each in ids],
+        evidence=evidence if evidence is not None and len(evidence) else None,
+        cells=None if ids else observed.cells,
+        id=uuid.uuid5(observed.id, str(number)),
+    )
+
+
 @dataclass
 class _Track:
     """A row of `tracks`, and whether it is new."""

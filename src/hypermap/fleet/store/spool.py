@@ -2,7 +2,8 @@
 
 Each is written to the file before anyone tries to send it, and removed when the database has
 confirmed it. It has an id by which the store knows one that it has already: nothing is lost and
-nothing is stored twice, whichever side fails in between.
+nothing is stored twice, whichever side fails in between. What the store will never take is set
+aside in the same file, so that it does not block what comes after it.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
-from hypermap.fleet.store.address import Address
-from hypermap.fleet.store.database import Database
-from hypermap.fleet.store.observed import Observed, apply_observed
+from hypermap.fleet.store.address import Address, ContentRefused
+from hypermap.fleet.store.database import Database, psycopg
+from hypermap.fleet.store.observed import Observed, apply_observed, parts_of
 from hypermap.fleet.store.pushing import SiteExists, push
 from hypermap.fleet.store.seen_cells import ChangedCells
 from hypermap.fleet.store.sites import SiteNotFound
@@ -46,6 +47,25 @@ _WRONG = (
     zlib.error,
 )
 _PATIENCE = 1.0  # s between two tries to reach the database
+_TRIES = 3  # of what a library fails at, until it is taken for the content's fault
+_TABLES = (
+    "CREATE TABLE IF NOT EXISTS waiting "
+    "(number INTEGER PRIMARY KEY AUTOINCREMENT, content TEXT NOT NULL)",
+    "CREATE TABLE IF NOT EXISTS refused (number INTEGER, part TEXT, reason TEXT NOT NULL, "
+    "content TEXT NOT NULL, PRIMARY KEY (number, part))",
+)
+
+
+class DamagedEntry(FormatError):
+    """An entry of a spool cannot be read.
+
+    Attributes:
+        number: of the entry.
+    """
+
+    def __init__(self, message: str, path: Path, number: int) -> None:
+        super().__init__(message, path=path, key=f"entry {number}")
+        self.number = number
 
 
 class Spool:
@@ -75,10 +95,11 @@ class Spool:
         """Return the number and the content of what has waited longest; None if nothing waits.
 
         Raises:
+            DamagedEntry: If it cannot be read.
             HypermapError: If the file is damaged.
         """
         rows = self._do("SELECT number, content FROM waiting ORDER BY number LIMIT 1")
-        return (rows[0][0], _parse(rows[0][1], self.path)) if rows else None
+        return (rows[0][0], _parse(rows[0][1], self.path, rows[0][0])) if rows else None
 
     def remove(self, number: int) -> None:
         """Forget what the store has.
@@ -87,6 +108,29 @@ class Spool:
             HypermapError: If the file cannot be written.
         """
         self._do("DELETE FROM waiting WHERE number = ?", number)
+
+    def set_aside(self, number: int, reason: str, part: Observed | None = None) -> None:
+        """Keep an entry, or a part of it, where it blocks nothing; the entry stays until removed.
+
+        Raises:
+            HypermapError: If the file cannot be written.
+        """
+        if part is None:
+            self._do(
+                "INSERT OR REPLACE INTO refused SELECT number, '', ?, content FROM waiting "
+                "WHERE number = ?",
+                *(reason, number),
+            )
+        else:
+            self._do(
+                "INSERT OR REPLACE INTO refused VALUES (?, ?, ?, ?)",
+                *(number, str(part.id), reason, _dump(part)),
+            )
+
+    @property
+    def aside(self) -> int:
+        """Return how much was set aside."""
+        return int(self._do("SELECT count(*) FROM refused")[0][0])
 
     def __len__(self) -> int:
         return int(self._do("SELECT count(*) FROM waiting")[0][0])
@@ -109,10 +153,8 @@ def _open(path: Path) -> sqlite3.Connection:
         file = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
         closing.callback(file.close)
         file.execute("PRAGMA synchronous = FULL")
-        file.execute(
-            "CREATE TABLE IF NOT EXISTS waiting "
-            "(number INTEGER PRIMARY KEY AUTOINCREMENT, content TEXT NOT NULL)"
-        )
+        for statement in _TABLES:
+            file.execute(statement)
         closing.pop_all()
     return file
 
@@ -126,7 +168,8 @@ class Delivery:
         self._spool = spool
         self._database = Database(address)
         self._on_trouble = on_trouble
-        self._said = ""
+        self._said = self._said_aside = ""
+        self._failed = (0, 0)  # an entry at which a library failed, and how often
         self._wakes = threading.Event()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="delivery", daemon=True)
@@ -167,10 +210,49 @@ class Delivery:
             self._wakes.clear()
 
     def _send_all(self) -> None:
-        while (found := self._spool.first()) is not None:
+        while (found := self._first()) is not None:
             number, observed = found
-            deliver(self._database, observed)
+            self._send(number, observed)
             self._spool.remove(number)
+
+    def _first(self) -> tuple[int, Observed] | None:
+        """Return what is to be sent next, and set aside what cannot be read before it."""
+        while True:
+            try:
+                return self._spool.first()
+            except DamagedEntry as error:  # noqa: PERF203 - damage is rare
+                self._set_aside(error.number, str(error))
+                self._spool.remove(error.number)
+
+    def _send(self, number: int, observed: Observed) -> None:
+        """Send an entry; of one that the store refuses, all parts that it takes."""
+        try:
+            deliver(self._database, observed)
+        except ContentRefused as error:
+            reason = str(error)
+        except (HypermapError, OSError, MemoryError, psycopg.Error):  # not for its content
+            raise
+        except Exception as error:  # of any library below, which may be ill only now
+            tries = self._failed[1] + 1 if self._failed[0] == number else 1
+            self._failed = number, tries
+            if tries < _TRIES:
+                raise
+            reason = f"{type(error).__name__}: {error}"
+        else:
+            return
+        parts = parts_of(observed)
+        if len(parts) == 1:
+            self._set_aside(number, reason, observed)
+        else:
+            for part in parts:
+                self._send(number, part)
+
+    def _set_aside(self, number: int, reason: str, part: Observed | None = None) -> None:
+        self._spool.set_aside(number, reason, part)
+        if reason != self._said_aside:
+            self._said_aside = reason
+            where = f"table `refused` of {self._spool.path}"
+            self._on_trouble(f"{reason}; this was set aside in the {where}, the rest is sent")
 
     def _complain(self, text: str) -> None:
         """Say what is wrong, once until it is another."""
@@ -236,7 +318,7 @@ def _parse_cells(kept: Any) -> ChangedCells:
     return ChangedCells(str(kept["layer"]), str(kept["frame"]), grid, cells)
 
 
-def _parse(content: str, path: Path) -> Observed:
+def _parse(content: str, path: Path, number: int) -> Observed:
     try:
         kept = json.loads(content)
         layer = from_geojson(kept["objects"])
@@ -255,4 +337,4 @@ def _parse(content: str, path: Path) -> Observed:
             uuid.UUID(kept["id"]),
         )
     except (*_WRONG, FormatError) as error:
-        raise FormatError(f"is damaged: {error}", path=path) from None
+        raise DamagedEntry(f"is damaged: {error}", path, number) from None
