@@ -96,6 +96,15 @@ def test_sessions_under_clocks_far_ahead_drop_nothing() -> None:
     assert versions(history_files(long, HistoryPolicy(keep="10d"))) == [21, 22, 23, 24]
 
 
+def test_nothing_is_too_old_by_a_clock_that_is_not_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three clocks far ahead confirm each other, and ours, which starts in 1970, cannot object."""
+    days = [*range(1, 21), 40_000, 40_002, 40_004]
+    history = History(added=tuple(revision(n, day * DAY) for n, day in enumerate(days, 1)))
+    assert versions(history_files(history, HistoryPolicy(keep="10d"))) == list(range(10, 24))
+    monkeypatch.setattr("hypermap.core.history.time.time", lambda: 60.0)
+    assert versions(history_files(history, HistoryPolicy(keep="10d"))) == list(range(1, 24))
+
+
 def test_history_is_dropped_from_a_map_that_changes_once_a_season() -> None:
     history = History(added=tuple(revision(n, 90 * n * DAY) for n in range(1, 9)))
     kept = versions(history_files(history, HistoryPolicy(keep="200d")))

@@ -126,9 +126,12 @@ def _newest_certain(stamps: Iterable[float]) -> float:
 
     A time long after all earlier ones counts once two others confirm it, each at least a day after
     the one before: neither a single session under a wrong clock nor two under different ones must
-    make all that was before too old.
+    make all that was before too old. Nothing is certain while our own clock is not set, as then
+    nothing tells a clock ahead from a right one.
     """
     end = latest_time()
+    if end == math.inf:
+        return -math.inf
     right = sorted(stamp for stamp in stamps if stamp <= end)
     newest, before = -math.inf, -math.inf
     is_certain = False
