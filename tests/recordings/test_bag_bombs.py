@@ -6,6 +6,7 @@ import bz2
 import os
 import sqlite3
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import lz4.frame  # type: ignore[import-untyped]
@@ -54,6 +55,11 @@ def test_a_packed_file_that_fills_the_disk_is_refused(
     with bag:
         add_images(bag, SHOTS[0])
     assert len(list(BagFile(bag.path).messages([DEPTH]))) == 1
+    with monkeypatch.context() as nearly_full:
+        usage = SimpleNamespace(total=10**9, used=10**9 - 2000, free=2000)
+        nearly_full.setattr("hypermap.recordings.bag.bombs.shutil.disk_usage", lambda _: usage)
+        with pytest.raises(FormatError, match=r"more than half of the free space in .*TMPDIR"):
+            list(BagFile(bag.path).messages([DEPTH]))
     monkeypatch.setattr(bombs, "SMALL_FILE", 1000)
     monkeypatch.setattr(bombs, "MOST_COMPRESSION", 1)
     with pytest.raises(FormatError, match="a file unpacks to more than 1 times its size"):

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import bz2
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -113,6 +115,8 @@ class _BoundedFile(zstd.ZstdFile):
     def __init__(self, file: BinaryIO, mode: Literal["rb"]) -> None:
         super().__init__(file, mode)
         self._most = max(SMALL_FILE, MOST_COMPRESSION * os.fstat(file.fileno()).st_size)
+        self._folder = tempfile.gettempdir()
+        self._room = shutil.disk_usage(self._folder).free // 2  # the rest is for others
 
     def read(self, size: int | None = -1) -> bytes:
         piece: bytes = super().read(size)
@@ -120,6 +124,11 @@ class _BoundedFile(zstd.ZstdFile):
             raise FormatError(
                 f"a file unpacks to more than {MOST_COMPRESSION} times its size, and more than "
                 f"{SMALL_FILE >> 20} MB"
+            )
+        if self.tell() > self._room:
+            raise FormatError(
+                f"a file unpacks to more than half of the free space in {self._folder}, "
+                f"{self._room >> 20} MB; let TMPDIR name a folder with more space"
             )
         return piece
 
