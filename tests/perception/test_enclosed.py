@@ -198,6 +198,18 @@ def test_a_book_on_a_table_is_what_its_box_cuts_out_of_the_table() -> None:
     assert box_of(found) == book
 
 
+def test_what_is_in_front_of_a_thing_beyond_max_depth_is_not_the_thing() -> None:
+    depth, shown = look(FLOOR, (-9, -9, 6, 9, 9, 6.1), TABLE)
+    depth[20:34, 150:210] = 1.5  # two things side by side that touch, too small for a plane
+    far = shown == 1
+    far[20:34, 150:210] = False
+    rim = int(np.flatnonzero((shown == 2).any(axis=1))[0])
+    boxes = [[60.0, rim - 45, 100, rim + 15], [150.0, 4, 180, 34]]
+    assert [cut(depth, [box]) for box in boxes] == [{}, {}]
+    depth[far] = np.nan  # if nothing farther is measured, it may be the part that is
+    assert [len(cut(depth, [box])) for box in boxes] == [1, 1]
+
+
 def test_a_box_with_nothing_but_background_of_several_surfaces_has_no_object() -> None:
     depth, shown = look(FLOOR, WALL)
     corner = np.flatnonzero(shown[:, 50] == 0)[0]  # the first row of the floor

@@ -31,6 +31,7 @@ def cut_out(
     valid: BoolArray,
     camera: Camera,
     objects: Sequence[IntArray],
+    farther: Sequence[int],
     boxes: NDArray[np.float32],
     config: PerceptionConfig,
 ) -> list[IntArray]:
@@ -41,6 +42,7 @@ def cut_out(
         valid: which of its pixels have a point, shape (H, W).
         camera: intrinsics.
         objects: row-major indices of the valid pixels in each detection's box or mask.
+        farther: how many of its other pixels are measured beyond `max_depth`.
         boxes: xmin, ymin, xmax, ymax of the same detections [pixels], shape (N, 4).
         config: noise and thresholds.
 
@@ -63,7 +65,7 @@ def cut_out(
         if len(own):
             chosen = _together(own, inside[number], box, camera, config)
         else:
-            chosen = _flat(inside[number], surfaces.planes)
+            chosen = _flat(inside[number], farther[number], surfaces.planes)
         is_chosen = np.zeros(len(owner), dtype=bool)
         is_chosen[chosen] = True
         found = np.empty(len(pixels), np.int64)
@@ -76,7 +78,7 @@ def cut_out(
         label = int(np.argmax(sizes))
         if sizes[label] >= SPECK:
             fit = _iou(inside[number].extents[[label]], boxes[number])[0]
-            at = surfaces, label, objects[number]
+            at = surfaces, label, objects[number], farther[number]
             cut[number] = cut_piece(*at, fit, boxes[number], camera, config)
             for larger in by_size[:place]:
                 cut[larger] = np.setdiff1d(cut[larger], cut[number], assume_unique=True)
@@ -146,14 +148,14 @@ def _extent(extents: IntArray, together: BoolArray) -> IntArray:
     return np.hstack([low, np.where(is_in, extents[:, 2:], 0).max(axis=1)])
 
 
-def _flat(inside: _Inside, planes: int) -> IntArray:
+def _flat(inside: _Inside, farther: int, planes: int) -> IntArray:
     """Return the one plane that fills the box, if there is one.
 
     A book is too flat to stand out from its table, and a poster from its wall: the part of the
     plane in the box is the object.
     """
     largest = int(np.argmax(inside.sizes))
-    fills = inside.sizes[largest] >= FLAT_SHARE * inside.sizes.sum()
+    fills = inside.sizes[largest] >= FLAT_SHARE * (inside.sizes.sum() + farther)
     return np.array([largest] if fills and largest < planes else [], dtype=np.int64)
 
 

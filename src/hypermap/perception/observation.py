@@ -19,7 +19,7 @@ class ObservedObject:
 
     Attributes:
         name: its class.
-        score: the detector's, 0..1; half of it if the box cut the object out of a larger surface.
+        score: the detector's, 0..1.
         footprint: polygon in the map frame [m].
         z_min: height of its lowest point in the map frame [m].
         z_max: height of its highest point in the map frame [m].

@@ -23,6 +23,7 @@ def cut_piece(
     surfaces: Surfaces,
     label: int,
     pixels: IntArray,
+    farther: int,
     fit: float,
     box: NDArray[np.float32],
     camera: Camera,
@@ -37,6 +38,7 @@ def cut_piece(
         surfaces: those of the image.
         label: the surface.
         pixels: row-major indices of the valid pixels in the box or mask.
+        farther: how many of its other pixels are measured beyond `max_depth`.
         fit: intersection over union of the box and the surface's extent in it.
         box: xmin, ymin, xmax, ymax [pixels], shape (4,).
         camera: intrinsics.
@@ -46,7 +48,7 @@ def cut_piece(
         Increasing indices from `pixels`, all at about the same depth; empty if it cannot.
     """
     piece = pixels[surfaces.labels.ravel()[pixels] == label]
-    if len(piece) < FILLED * len(pixels):
+    if len(piece) < FILLED * (len(pixels) + farther):
         cut, outline = _cut_edges(surfaces.labels, piece, pixels)
         if fit < MIN_FIT or cut > config.max_cut * outline:
             return np.empty(0, dtype=np.int64)

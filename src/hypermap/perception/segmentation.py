@@ -60,8 +60,11 @@ def segment(
     if not objects:
         return []
     if config.method == "enclosed":
-        boxes = detections.xyxy[[number for number, _ in candidates]]
-        cut = enclosed.cut_out(frame.z, valid, frame.camera, objects, boxes, config)
+        numbers = [number for number, _ in candidates]
+        beyond = (frame.z > np.float32(config.max_depth)) & (frame.z <= FARTHEST)
+        farther = [len(_pixels_of(detections, number, beyond)) for number in numbers]
+        shown = objects, farther, detections.xyxy[numbers]
+        cut = enclosed.cut_out(frame.z, valid, frame.camera, *shown, config)
     else:
         cut = largest_regions(frame, valid, objects, config)
     kept = [
