@@ -12,7 +12,7 @@ import shapely
 from shapely import affinity
 
 from hypermap import Hypermap, HypermapError, SemanticLayer, SemanticObject, open_map
-from hypermap.core.history import MAP_ID, MAP_VERSION, Mapped, Revision
+from hypermap.core.history import MAP_ID, MAP_VERSION, Change, Mapped, Revision
 from hypermap.history import as_of, at_version, begun, grown, in_force, next_expiry
 from hypermap.history.policy import HistoryPolicy
 
@@ -130,11 +130,16 @@ def test_what_mapping_has_found_to_be_moved_is_so_though_its_outline_differs(
     assert change.confidence == (0.7 if says else None)
 
 
-def mapped(hypermap: Hypermap, stamp: float, *objects: SemanticObject) -> Hypermap:
+def mapped(
+    hypermap: Hypermap,
+    stamp: float,
+    *objects: SemanticObject,
+    doubt: Callable[[Change], float] | None = None,
+) -> Hypermap:
     """Return a map whose layer a drive has replaced by some objects."""
     assert hypermap.history is not None
     other = hypermap.with_layer(SemanticLayer("semantic", "map", objects))
-    other.history = dataclasses.replace(hypermap.history, mapped=Mapped("day", stamp))
+    other.history = dataclasses.replace(hypermap.history, mapped=Mapped("day", stamp, doubt))
     return grown(other, stamp)
 
 
@@ -156,6 +161,22 @@ def test_what_an_earlier_drive_has_detected_already_was_not_added() -> None:
     assert told(without) == [("gone", 4)]
     back = mapped(without, WEDNESDAY + 9, *both, seen(4, TUESDAY - 5, WEDNESDAY + 9))
     assert told(back) == [("added", 4)]
+
+
+def test_what_frames_of_the_other_drive_show_was_not_added_and_may_not_be_gone() -> None:
+    chances = {2: 0.9, 3: 0.9, 4: 0.1}  # that it did not come or go
+
+    def doubt(change: Change) -> float:
+        return chances[change.object.id or 0]
+
+    def sure(number: int) -> SemanticObject:
+        return dataclasses.replace(box("cup", 10 * number, number), confidence=(0.8,))
+
+    monday = mapped(office(), MONDAY, sure(2))
+    tuesday = mapped(monday, TUESDAY, sure(3), sure(4), doubt=doubt)
+    assert told(tuesday) == [("gone", 2), ("first seen", 3), ("added", 4)]
+    sureness = [change.confidence for change in revisions(tuesday)[-1].changes]
+    assert sureness == [pytest.approx(0.08), 0.8, 0.8]
 
 
 def test_what_was_detected_elsewhere_before_was_added() -> None:

@@ -100,10 +100,13 @@ class Mapped:
     Attributes:
         drive: name of the recording.
         time: stamp of its last frame in seconds since 1970; None if its clock does not say it.
+        doubt: returns how likely it is that an object which seems to have come or gone did not,
+            0..1; None if that is unknown.
     """
 
     drive: str
     time: float | None
+    doubt: Callable[[Change], float] | None = None
 
 
 @dataclass(frozen=True, eq=False)

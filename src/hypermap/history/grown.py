@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 import secrets
-from collections.abc import Set
+from collections.abc import Callable, Set
 from dataclasses import replace
 
 from hypermap.core.history import (
     ADDED,
     FIRST_SEEN,
+    GONE,
     MAP_ID,
     MAP_VERSION,
     Cause,
@@ -20,6 +21,8 @@ from hypermap.core.history import (
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.history.differences import differences
+
+_LIKELY = 0.5
 
 
 def version_of(hypermap: Hypermap) -> int:
@@ -95,13 +98,27 @@ def _changes(
     names = dict.fromkeys((*history.layers, *layers))
     pairs = ((history.layers.get(name), layers.get(name)) for name in names)
     found = [change for pair in pairs for change in differences(*pair, cause, now)]
-    if all(change.kind != FIRST_SEEN for change in found):  # the history need not be read
-        return found
-    known = {(one.layer, one.object.id) for each in history.revisions() for one in each.changes}
-    return [_as_returned(change, known) for change in found]
+    if any(change.kind == FIRST_SEEN for change in found):  # otherwise it need not be read
+        known = {(one.layer, one.object.id) for each in history.revisions() for one in each.changes}
+        found = [_as_returned(change, known) for change in found]
+    doubt = None if history.mapped is None else history.mapped.doubt
+    return found if doubt is None else [_doubted(change, doubt) for change in found]
 
 
 def _as_returned(change: Change, known: Set[tuple[str, int | None]]) -> Change:
     """Return a change as one that was added, if its object was on the map earlier, and gone."""
     is_back = change.kind == FIRST_SEEN and (change.layer, change.object.id) in known
     return replace(change, kind=ADDED) if is_back else change
+
+
+def _doubted(change: Change, doubt: Callable[[Change], float]) -> Change:
+    """Return a change as one that is doubtful, if its object probably did not come or go.
+
+    An object that was there before is not added. One that is still there has left the map, but
+    that it is gone is less likely.
+    """
+    if change.kind == ADDED and doubt(change) >= _LIKELY:
+        return replace(change, kind=FIRST_SEEN)
+    if change.kind == GONE and change.confidence is not None:
+        return replace(change, confidence=change.confidence * (1 - doubt(change)))
+    return change

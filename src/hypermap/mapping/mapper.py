@@ -45,6 +45,7 @@ from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
 from hypermap.mapping.pictures import keep_pictures
 from hypermap.mapping.same_place import PlaceCheck
 from hypermap.mapping.sample_places import with_moved_samples
+from hypermap.mapping.second_look import SecondLook
 from hypermap.mapping.usable import why_unusable
 from hypermap.perception.detections import Detections
 from hypermap.perception.embedders.embedder import Embedder
@@ -391,7 +392,10 @@ class Mapper:
     def _mapped(self) -> Mapped:
         """Return the source of the present changes, for the map's history."""
         name = self._drive.name or ("corrected poses" if self._is_corrected else "")
-        return Mapped(name, self._drive.time)
+        if not (self._drive.keys and self._earlier.drives):
+            return Mapped(name, self._drive.time)
+        look = SecondLook(FrameLog(self._frame_log.parts), self._drives(), self.config)
+        return Mapped(name, self._drive.time, look.chance)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:
         """Return a copy of the state that is needed to continue."""

@@ -1,0 +1,83 @@
+"""What a drive has detected is not called new or gone, though only one map has it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from hypermap.core.history import ADDED, GONE, Change
+from hypermap.core.semantic import SemanticObject
+from hypermap.core.trajectory import pose_from_rpy
+from hypermap.mapping.config import profile
+from hypermap.mapping.drives import Drive
+from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, packed_frame
+from hypermap.mapping.second_look import SecondLook
+from hypermap.mapping.tracks import TrackTable
+from hypermap.perception.depth_view import DepthView
+from hypermap.perception.frame import Camera
+from hypermap.perception.observation import Observation, ObservedObject
+
+DAY = 86_400.0
+CAMERA = Camera.from_intrinsics(60.0, 60.0, 39.5, 29.5, width=80, height=60)
+HEIGHTS = {"z_min": 0.0, "z_max": 1.0}
+CHAIR = SemanticObject("chair", shapely.box(1.8, -0.2, 2.2, 0.2), id=3, attributes=HEIGHTS)
+
+
+def looked(stamp: float, shows: str | None, x: float = 0.0, reach: float = 6.0) -> LoggedFrame:
+    """Return a frame that looks along x, at a chair's place, and may detect something there."""
+    pose = pose_from_rpy(x, 0, 0.5, -np.pi / 2, 0, -np.pi / 2)
+    view = DepthView(CAMERA, pose, np.full((60, 80), reach, np.float32), 6.0)
+    shape = shapely.box(1.85, -0.15, 2.15, 0.15)
+    objects = () if shows is None else (ObservedObject(shows, 0.9, shape, 0.0, 1.0),)
+    area = shapely.box(0, -3, 6, 3)
+    return LoggedFrame(Observation(stamp, pose, objects, area, view, (0.0, 0.0, 0.0)), None, True)
+
+
+def look(*days: list[LoggedFrame]) -> SecondLook:
+    """Return a second look at drives a day apart."""
+    log = FrameLog()
+    log.begin_part(MapBefore(TrackTable(20.0), np.zeros(2, np.int64), None))
+    for frame in (frame for day in days for frame in day):
+        seen = frame.observation
+        log.add(seen.stamp, packed_frame(frame), seen.map_T_camera)
+    drives = [Drive(f"day {n}", n * DAY, n * DAY + 100, [1]) for n in range(len(days))]
+    return SecondLook(log, drives, profile("default"))
+
+
+def frames(day: int, *shows: str | None, **kwargs: float) -> list[LoggedFrame]:
+    return [looked(day * DAY + i, one, **kwargs) for i, one in enumerate(shows)]
+
+
+SEEN = ("chair", "chair", None, "chair")
+EMPTY = (None, None, None, None)
+CAME, LEFT = (Change(ADDED, "semantic", None, CHAIR), Change(GONE, "semantic", CHAIR, None))
+
+
+def test_what_one_drive_has_detected_did_not_come_or_go() -> None:
+    assert look(frames(0, *SEEN), frames(1, *SEEN)).chance(CAME) > 0.99
+    assert look(frames(0, *EMPTY), frames(1, *SEEN)).chance(CAME) < 0.01
+    assert look(frames(0, *SEEN), frames(1, *SEEN)).chance(LEFT) > 0.99
+    assert look(frames(0, *SEEN), frames(1, *EMPTY)).chance(LEFT) < 0.01
+
+
+def test_the_last_drive_that_could_see_the_place_decides() -> None:
+    aside = frames(1, *EMPTY, x=-9.0)  # too far away
+    hidden = frames(1, *EMPTY, reach=1.0)
+    for unseen in (aside, hidden):
+        assert look(frames(0, *SEEN), unseen, frames(2, *SEEN)).chance(CAME) > 0.99
+    assert look(frames(0, *SEEN), frames(1, *EMPTY), frames(2, *SEEN)).chance(CAME) < 0.01
+    assert look(frames(0, *SEEN), aside).chance(LEFT) == 0
+    assert look(frames(0, *SEEN)).chance(CAME) == 0  # there is no earlier drive
+
+
+def test_other_things_and_a_rare_false_detection_do_not_count() -> None:
+    assert look(frames(0, *["table"] * 4), frames(1)).chance(CAME) < 0.01
+    assert look(frames(0, "chair", *EMPTY), frames(1)).chance(CAME) < 0.1
+    assert look(frames(0, "chair"), frames(1)).chance(CAME) == pytest.approx(16 / 17)
+
+
+def test_a_damaged_log_does_not_keep_a_map_from_being_saved() -> None:
+    second = look(frames(0, *SEEN), frames(1, *SEEN))
+    second.log.parts[0].frames[1] = b"damaged"
+    assert second.chance(CAME) == 0
