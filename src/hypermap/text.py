@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 _LONGEST = 2000  # characters of a message
-_PASSWORD = re.compile(r"(\bpostgres(?:ql)?:/+[^:/@\s]*):[^@\s]*@")
+_PASSWORD = re.compile(r"(\bpostgres(?:ql)?:/+[^:/@\s]*):[^@\s]{0,1000}@")  # a bound, for time
 
 
 def printable(text: object, longest: int = 28) -> str:

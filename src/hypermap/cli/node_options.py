@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperCommand
 
 from hypermap.core.errors import HypermapError
+from hypermap.simple_yaml import parse_simple_yaml
 
 if TYPE_CHECKING:
     from hypermap.ros.nodes import Address, Middleware
@@ -154,11 +155,9 @@ def parse_params(pairs: Sequence[str] | None) -> dict[str, Value]:
 
 
 def _value(pair: str, text: str) -> Value:
-    import yaml
-
     try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError:
+        value = parse_simple_yaml(text)
+    except ValueError:
         return text
     if isinstance(value, (bool, int, float, str)):
         return value

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hypermap.core.errors import FileMissing, FormatError
+from hypermap.simple_yaml import parse_simple_yaml
 
 OURS = Path(__file__).with_name("taxonomy.yaml")
 
@@ -105,14 +106,11 @@ def _ours() -> Taxonomy:
 
 
 def _entries(path: Path) -> dict[str, dict[str, Any]]:
-    import yaml
-
-    loader: type[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        parsed = yaml.load(path.read_text(encoding="utf-8"), loader)
+        parsed = parse_simple_yaml(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise FileMissing(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise FormatError(f"{path}: not a taxonomy: {reason}") from None
     if not isinstance(parsed, dict) or not all(isinstance(name, str) for name in parsed):

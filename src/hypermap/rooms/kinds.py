@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
@@ -17,6 +16,7 @@ from hypermap.core.arrays import FloatArray, IntArray, ObjectArray, as_objects
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.semantic import SemanticObject
 from hypermap.rooms.rooms import Room, Rooms
+from hypermap.simple_yaml import parse_simple_yaml
 
 OURS = Path(__file__).with_name("kinds.yaml")
 LONG_AND_THIN = "(long and thin)"
@@ -75,13 +75,11 @@ def load_kinds(path: str | Path = OURS) -> Kinds:
         FileMissing: If there is no such file.
         FormatError: If it holds something else.
     """
-    import yaml
-
     try:
-        parsed: Any = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        parsed = parse_simple_yaml(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise FileMissing(f"{path}: there is no such file") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except (OSError, ValueError) as error:
         said = " ".join(str(error).split())
         raise FormatError(f"this is not a readable YAML file ({said})", path=path) from None
     shape = "each kind with names and numbers is expected, as 'kitchen: {oven: 3, sink: 1.5}'"

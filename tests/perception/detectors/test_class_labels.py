@@ -84,7 +84,7 @@ def test_labels_are_read_from(file_name: str, text: str, tmp_path: Path) -> None
             "labels.yaml",
             b"!!python/object/apply:os.system [exit]",
             "not a file of labels: could not determine a constructor for the tag "
-            "'tag:yaml.org,2002:python/object/apply:os.system'   in ",
+            "'tag:yaml.org,2002:python/object/apply:os.system' in ",
         ),
         ("labels.json", b"[" * 5000, "not a file of labels: "),
         ("labels.txt", b"x" * 1_000_001, "labels take at most 1000000 bytes"),

@@ -116,7 +116,7 @@ def _known(folder: Path, job: Job) -> dict[str, Any]:
     """Return the note of the map that is there; empty if there is none."""
     if not (folder / f"{job.name}.hmap").is_file():
         return {}
-    with contextlib.suppress(OSError, ValueError):
+    with contextlib.suppress(OSError, ValueError, RecursionError):
         note = json.loads((folder / f"{job.name}.json").read_bytes())
         if isinstance(note, dict) and isinstance(note.get("figures"), dict):
             return note

@@ -10,8 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hypermap.core.errors import FileMissing, FormatError, HypermapError, did_you_mean
 from hypermap.formats.yaml_text import read_yaml
 from hypermap.mapping.config import MappingConfig, chosen_config
@@ -19,6 +17,7 @@ from hypermap.mapping.overrides import override, read_overrides
 from hypermap.mapping.pose_ways import WAYS
 from hypermap.recordings.open import is_recording
 from hypermap.recordings.options import RecordingOptions
+from hypermap.simple_yaml import parse_simple_yaml
 
 TRUTH = "truth.hmap"
 """The true map in the folder of a recording, with which its map is compared."""
@@ -243,8 +242,8 @@ def _choices(text: str) -> tuple[str, list[Any]]:
             f"--set {text}: expected STAGE.KEY=VALUE,VALUE, as evidence.loss=0.1,0.2"
         )
     try:
-        return key, [yaml.safe_load(value) for value in values.split(",")]
-    except yaml.YAMLError:
+        return key, [parse_simple_yaml(value) for value in values.split(",")]
+    except ValueError:
         raise HypermapError(f"--set {text}: a value cannot be read") from None
 
 

@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hypermap.core.errors import FileMissing, FormatError
+from hypermap.simple_yaml import parse_simple_yaml
 
 MAX_BYTES = 1_000_000  # Objects365 and LVIS need some 30 kB
 
@@ -48,9 +47,9 @@ def read_labels(path: str | Path) -> tuple[str, ...]:
         text = path.read_text(encoding="utf-8-sig")
         if path.suffix.lower() not in (".yaml", ".yml", ".json"):
             return _as_names(text.rstrip().split("\n"))
-        content = json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
+        content = json.loads(text) if path.suffix.lower() == ".json" else parse_simple_yaml(text)
         return _as_names(content["names"] if _has_names(content) else content)
-    except (ValueError, RecursionError, yaml.YAMLError) as error:
+    except (ValueError, RecursionError) as error:
         reason = str(error).replace("\n", " ")
         raise FormatError(f"not a file of labels: {reason}", path=path) from error
 
