@@ -37,7 +37,7 @@ if importlib.util.find_spec("rerun") is None:  # whose SDK needs Python 3.11
 
 LOGGERS = ("hypermap", "hypermap._loops", "py.warnings", "matplotlib")  # that commands set up
 _LONGEST_ID = 200  # characters
-KEPT = ("PATH", "TMPDIR", "CI", "HYPERMAP_CHROMIUM", "HOME")
+KEPT = ("PATH", "TMPDIR", "CI", "HYPERMAP_CHROMIUM", "HYPERMAP_ROS2", "HOME")
 SET = {
     "LANG": "C.UTF-8",
     # Local time is never UTC, so that a test shows who takes one for the other. Needs no tzdata.

@@ -19,3 +19,9 @@ def test_a_fixture_of_a_module_silences_no_test(
     assert level_when_silenced == logging.CRITICAL
     logging.getLogger("hypermap").warning("heard")
     assert "heard" in caplog.text
+
+
+def test_the_ros2_that_a_user_names_is_kept(pytestconfig: pytest.Config) -> None:
+    plugins = pytestconfig.pluginmanager.get_plugins()
+    kept = next(plugin.KEPT for plugin in plugins if hasattr(plugin, "KEPT"))
+    assert "HYPERMAP_ROS2" in kept

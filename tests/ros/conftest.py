@@ -83,7 +83,8 @@ PACKAGES = ("hypermap.cli", "hypermap.formats", "hypermap.ros")
 class Process:
     """A program with its output in a file; what ROS writes gets there at once, too.
 
-    `HYPERMAP` and words is a copy that starts quickly, unless it `is_new`.
+    `HYPERMAP` and words is a copy that starts quickly, unless it `is_new`: a copy does not search
+    the PYTHONPATH of `env`.
     """
 
     popen: subprocess.Popen[bytes] | Command

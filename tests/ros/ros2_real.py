@@ -15,7 +15,7 @@ import pytest
 
 from .conftest import ROS, Process
 
-NEEDS_ROS2 = "ROS 2 is not here, or not for this Python, or without hypermap_msgs (docs/ros2.md)"
+NEEDS_ROS2 = "no ROS 2 with hypermap_msgs for this Python: see HYPERMAP_ROS2 in docs/ros2.md"
 _CHECK = "import rclpy, tf2_ros, nav_msgs.msg, hypermap_msgs.msg"
 
 
@@ -23,10 +23,11 @@ _CHECK = "import rclpy, tf2_ros, nav_msgs.msg, hypermap_msgs.msg"
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """The environment of a terminal in which ROS 2 and our package `hypermap` are sourced.
 
-    Takes the one that the tests run in, or the newest of those in /opt/ros. Only this machine is
-    asked, in a domain of its own.
+    Sources the setup.bash that `HYPERMAP_ROS2` names, or the newest of those in /opt/ros: the
+    tests themselves run without the user's environment. Only this machine is asked, in a domain of
+    its own.
     """
-    for candidate in _candidates():
+    for candidate in sourced():
         done = subprocess.run(
             [sys.executable, "-c", _CHECK], env=candidate, capture_output=True, check=False
         )
@@ -45,13 +46,16 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return candidate
 
 
-def _candidates() -> Iterator[dict[str, str]]:
-    if os.environ.get("ROS_VERSION") == "2":
-        yield dict(os.environ)
-    for setup in sorted(Path("/opt/ros").glob("*/setup.bash"), reverse=True):
-        script = f"source {setup} >/dev/null 2>&1; env -0"
+def sourced() -> Iterator[dict[str, str]]:
+    """Yield the environment of each ROS 2 that is there, once its setup.bash is sourced."""
+    named = os.environ.get("HYPERMAP_ROS2")
+    setups = [Path(named)] if named else sorted(Path("/opt/ros").glob("*/setup.bash"), reverse=True)
+    for setup in setups:
+        script = 'source "$1" >/dev/null 2>&1; env -0'
         plain = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
-        done = subprocess.run(["bash", "-c", script], env=plain, capture_output=True, check=False)
+        done = subprocess.run(
+            ["bash", "-c", script, "bash", setup], env=plain, capture_output=True, check=False
+        )
         pairs = (entry.partition("=") for entry in done.stdout.decode().split("\0") if entry)
         found = {name: value for name, _, value in pairs}
         if found.get("ROS_VERSION") == "2":

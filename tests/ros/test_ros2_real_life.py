@@ -47,7 +47,7 @@ def test_the_tools_of_nav2_load_maps(
     words = ("-p", f"map_directory:={folder}", "-p", "console:=false")
     remap = ("-r", "~/nav2_load_map:=/map_server/load_map")
     start("hypermap", "serve", "--ros2", "--ros-args", "-r", "__node:=maps", *words, *remap,
-          env=ros2.environment)  # fmt: skip
+          env=ros2.environment, is_new=True)  # fmt: skip
     kind = "nav2_msgs/srv/LoadMap"
     answer = ros2.call("/map_server/load_map", kind, map_url=str(folder / "building.hmap"))
     assert (answer["result"], answer["map"]["info"]["width"]) == (0, 3)
@@ -61,7 +61,7 @@ def test_a_lifecycle_manager_bonds_with_the_node(ros2: Ros2, start: Callable[...
         pytest.skip("bondpy is not here")
     name = "bonded"
     process = start("hypermap", "serve", "--ros2", "--ros-args", "-r", f"__node:={name}",
-                    "-p", "console:=false", env=ros2.environment)  # fmt: skip
+                    "-p", "console:=false", env=ros2.environment, is_new=True)  # fmt: skip
     ros2.ask("bond", name=name)
     assert not ros2.ask("is_bond_broken")
     assert process.stop(signal.SIGTERM) == 0
@@ -139,7 +139,7 @@ def test_a_map_that_is_missing_is_one_line(ros2: Ros2, launch2: Any, tmp_path: P
 def test_a_misspelled_parameter_is_a_warning(ros2: Ros2, start: Callable[..., Process]) -> None:
     process = start("hypermap", "serve", "--ros2", "--ros-args", "-p", "keepuot:=['desk 0.2']",
                     "-p", "console:=false", "-r", "__node:=misspelled",
-                    env=ros2.environment)  # fmt: skip
+                    env=ros2.environment, is_new=True)  # fmt: skip
     process.expect("ignoring the unknown parameter 'keepuot'; did you mean 'keepout'?", 90)
 
 
