@@ -137,7 +137,12 @@ def test_what_auto_measures_is_said_and_used(hypermap, tmp_path):
     assert "level: within 0.0 degrees, so the world is unchanged" in mended.err
     assert "make the map worse" in reported.err
     assert "make the map worse" not in mended.err
-    for option, value in (("--level", "manual"), ("--time-offset", "soon"), ("--rotate", "45")):
+    for option, value in (
+        ("--level", "manual"),
+        ("--time-offset", "soon"),
+        ("--rotate", "45"),
+        ("--pose-convention", "robot"),
+    ):
         assert_one_error(hypermap(*map_room, option, value), option)
     assert_one_error(hypermap(*map_room, "--color-intrinsics", "5,5,3,2"), "give register")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hypermap.core.trajectory import compose, pose_from_rpy
-from hypermap.mapping.consistency import Agreement, Consistency, now_worse
+from hypermap.mapping.consistency import Agreement, Consistency, PoseReading, now_worse
 from hypermap.perception.frame import Camera, RgbdFrame
 
 CAMERA = Camera.from_intrinsics(80, 80, 39.5, 29.5, 80, 60)
@@ -29,7 +29,7 @@ def test_frames_with_nothing_in_common_say_nothing() -> None:
         agreement.add(frame, frame.map_T_camera)
     assert consistency.time_offset() is None
     assert consistency.depth_scale() is None
-    assert consistency.turn_deg() == 0
+    assert consistency.reading() == PoseReading()
     assert consistency.gain_of({frame.stamp: frame.map_T_camera for frame in frames}) is None
     assert not agreement.is_worse
 

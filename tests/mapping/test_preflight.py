@@ -11,7 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hypermap.core.trajectory import compose, pose_from_rpy, trajectory_of
+from hypermap.core.trajectory import (
+    compose,
+    pose_from_rpy,
+    pose_matrix,
+    quats_of,
+    trajectory_of,
+)
 from hypermap.mapping.consistency import Consistency
 from hypermap.mapping.preflight import Finding, Preflight, clock_offset, leveling_pose
 from hypermap.perception.frame import Camera, RgbdFrame
@@ -145,6 +151,31 @@ def test_a_camera_that_hangs_upside_down_without_its_pose_saying_so_is_reported(
     assert "tf" in found.remedy
 
 
+# What other programs write for the pose of a camera, written down independently of the product.
+_BODY = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+_AS_OTHERS_WRITE = {
+    "body": lambda pose: pose @ _BODY,
+    "opengl": lambda pose: pose * (1, -1, -1, 1),
+    "world-to-camera": np.linalg.inv,
+    "w-first": lambda pose: pose_matrix(pose[:3, 3], np.roll(quats_of(pose[None, :3, :3])[0], 1)),
+}
+
+
+@pytest.mark.parametrize("convention", _AS_OTHERS_WRITE)
+def test_poses_of_another_convention_are_reported_with_the_option_that_reads_them(
+    convention: str,
+) -> None:
+    written = [frame.moved_to(_AS_OTHERS_WRITE[convention](frame.map_T_camera)) for frame in room()]
+    found = wrong(written[:60])
+    assert found.keys() == {"poses"}
+    assert found["poses"].remedy == f"give --pose-convention {convention}"
+    options = RecordingOptions(pose_convention=convention)
+    for frame, true in zip(written[::20], room()[::20], strict=True):
+        np.testing.assert_allclose(
+            options.poses_in_map(frame.map_T_camera), true.map_T_camera, atol=1e-9
+        )
+
+
 def test_without_motion_the_floor_says_that_the_camera_hangs_upside_down() -> None:
     frames = [turned(frame, 180).moved_to(frame.map_T_camera) for frame in room()[::25]]
     found = wrong(frames)
@@ -164,6 +195,17 @@ def test_without_a_floor_only_the_poses_say_that_images_are_upright() -> None:
         (found,) = (one for one in preflight.findings() if one.check == "upright")
         assert not found.is_wrong
         assert found.measured.startswith(f"{said} are upright")
+
+
+@pytest.mark.parametrize("degrees", [90, 180])
+def test_without_a_floor_turned_images_may_also_be_another_convention(degrees: int) -> None:
+    preflight = Preflight()
+    for frame in room()[:2]:
+        preflight.add_mapped(turned(frame, 360 - degrees))
+    (found,) = (one for one in preflight.findings() if one.check == "upright")
+    assert "by their poses" in found.measured
+    assert f"--rotate {degrees}" in found.remedy
+    assert "--pose-convention" in found.remedy
 
 
 def test_color_that_cannot_be_read_is_left_out() -> None:

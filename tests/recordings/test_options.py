@@ -80,6 +80,11 @@ def test_intrinsics_become_a_camera() -> None:
             {"map_T_world": ["up", 2, 3, 4, 5, 6]},
             "map_T_world must be numbers: could not convert string to float: 'up'",
         ),
+        (
+            {"pose_convention": "robot"},
+            "pose_convention must be one of optical, body, opengl, world-to-camera, w-first, got "
+            "'robot'",
+        ),
         ({"depth_scale": 0}, "depth_scale must be positive, got 0"),
         ({"max_time_difference": -0.1}, "max_time_difference must be 0 .. 1 s, got -0.1"),
         ({"max_time_difference": 1.5}, "max_time_difference must be 0 .. 1 s, got 1.5"),

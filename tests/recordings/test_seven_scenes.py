@@ -167,10 +167,20 @@ def test_broken_folders_are_errors_that_info_tells(
     assert str(caught.value) == expected
 
 
+def test_poses_may_have_commas_and_be_of_another_convention(folder: Path) -> None:
+    true = [frame.map_T_camera for frame in open_recording(folder).frames()]
+    for path in folder.glob("*.pose.txt"):
+        inverse = np.linalg.inv(np.loadtxt(path))
+        np.savetxt(path, inverse, delimiter=",")
+    options = RecordingOptions(pose_convention="world-to-camera")
+    for frame, pose in zip(open_recording(folder, options).frames(), true, strict=True):
+        np.testing.assert_allclose(frame.map_T_camera, pose, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("1 0 0 0\n0 one 0 0\n", "line 2: could not convert string to float: 'one'"),
+        ("1 0 0 0\n0 one 0 0\n", "line 2: expected numbers, found '0 one 0 0'"),
         (
             "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n",
             "the matrix is not a rotation and a translation with last row 0 0 0 1",

@@ -105,6 +105,24 @@ def test_poses_out_of_order_and_repeated_are_sorted_out_and_noted(folder: Path) 
     )
 
 
+def test_commas_may_separate_the_numbers_of_poses(folder: Path) -> None:
+    before = [frame.map_T_camera for frame in opened(folder).frames()]
+    path = folder / "groundtruth.txt"
+    path.write_text(path.read_text().replace(" ", ", "))
+    after = [frame.map_T_camera for frame in opened(folder).frames()]
+    np.testing.assert_array_equal(after, before)
+
+
+def test_poses_of_another_convention_are_read_on_request(folder: Path) -> None:
+    true = [frame.map_T_camera for frame in opened(folder).frames()]
+    path = folder / "groundtruth.txt"
+    rows = [line.split() for line in path.read_text().splitlines() if not line.startswith("#")]
+    path.write_text("\n".join(" ".join((*row[:4], row[7], *row[4:7])) for row in rows))
+    read = opened(folder, pose_convention="w-first").frames()
+    for frame, pose in zip(read, true, strict=True):
+        np.testing.assert_allclose(frame.map_T_camera, pose, atol=1e-9)
+
+
 def test_without_color_there_is_depth_and_info_says_what_is_missing(folder: Path) -> None:
     (folder / "rgb.txt").unlink()
     recording = opened(folder)
@@ -142,7 +160,7 @@ def test_a_list_of_pairs_stands_in_for_two_lists(folder: Path, depth_first: bool
             "line 1: expected stamp, file, stamp, file, with one file named depth, found "
             "'1 depth/1.png'",
         ),
-        ("x rgb/1.png 1 depth/1.png\n", "line 1: could not convert string to float: 'x'"),
+        ("x rgb/1.png 1 depth/1.png\n", "line 1: expected numbers, found 'x'"),
     ],
 )
 def test_a_broken_list_of_pairs_is_an_error(folder: Path, text: str, message: str) -> None:
@@ -211,6 +229,10 @@ def remove(pattern: str) -> Callable[[Path], None]:
     return lambda folder: min(folder.glob(pattern)).unlink()
 
 
+NO_POSES = (
+    "{}/groundtruth.txt: there is no such file, and so no camera poses; SLAM estimates them: copy "
+    "its trajectory here under this name, such as CameraTrajectory.txt of ORB-SLAM"
+)
 D0, C0 = "1600000000.250000000", "1600000000.254000000"
 
 
@@ -218,7 +240,7 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
     ("change", "kind", "message"),
     [
         (remove("depth.txt"), FileMissing, "{}/depth.txt: there is no such file"),
-        (remove("groundtruth.txt"), FileMissing, "{}/groundtruth.txt: there is no such file"),
+        (remove("groundtruth.txt"), FileMissing, NO_POSES),
         (
             remove("depth/*"),
             FileMissing,
@@ -248,7 +270,7 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
         (
             line_of("rgb.txt", 3, "soon rgb/x.png"),
             FormatError,
-            "{}/rgb.txt: line 3: could not convert string to float: 'soon'",
+            "{}/rgb.txt: line 3: expected numbers, found 'soon'",
         ),
         (
             line_of("rgb.txt", 3, "inf rgb/x.png"),
@@ -378,7 +400,7 @@ def test_info_tells_all_that_is_wrong_at_once(folder: Path) -> None:
     assert info.missing == (
         "rgb.txt is missing: without color images no objects can be detected",
         f"{folder}/depth.txt: line 2: expected a stamp and a file name, found 'x'",
-        f"{folder}/groundtruth.txt: there is no such file",
+        NO_POSES.format(folder),
     )
     assert [(s.name, s.count) for s in info.streams] == [("depth.txt", 5)]
 

@@ -312,6 +312,17 @@ def test_depth_is_registered_to_color_and_frames_are_turned_where_that_is_set() 
     np.testing.assert_allclose(frame.map_T_camera[:3, 3], [-0.1, 0, 0])
 
 
+def test_a_simulator_may_name_the_body_of_its_camera() -> None:
+    frames = FrameMaker(
+        LiveSettings(depth_topic="/depth", detections_topic="/boxes", pose_convention="body")
+    )
+    frames.camera_info = info(32, 24, 26.0)
+    depth = message(np.full((24, 32), 2.0, np.float32), "32FC1")
+    frame = frames.frame(MatchedMessages(10**9, {"": None}, {}), depth, np.eye(4))
+    np.testing.assert_array_equal(frame.map_T_camera[:3, 2], [1, 0, 0])  # looks along x
+    np.testing.assert_array_equal(frame.map_T_camera[:3, 1], [0, 0, -1])
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [

@@ -66,5 +66,5 @@ def _trajectory(path: Path, options: RecordingOptions) -> Trajectory:
     read, notes = read_trajectory(path, options.max_pose_gap)
     for text in notes:
         note(text)
-    map_T_camera = options.world_pose() @ pose_matrix(read.positions, read.quats_xyzw)
+    map_T_camera = options.poses_in_map(pose_matrix(read.positions, read.quats_xyzw))
     return trajectory_of(read.stamps - options.time_offset, map_T_camera, options.max_pose_gap)

@@ -76,6 +76,13 @@ OPTIONS = {
         "DEGREES",
         "Turn images clockwise: 90, 180 or 270. For a camera mounted upside down or on its side.",
     ),
+    "pose_convention": _Option(
+        str,
+        "CONVENTION",
+        "What the recorded poses are: `optical` (default: x right, y down, z forward), `body` (x "
+        "forward, z up), `opengl` (y up, z backward), `world-to-camera` (the inverse), `w-first` "
+        "(quaternions).",
+    ),
     "time_offset": _Option(
         str,
         "auto|SECONDS",

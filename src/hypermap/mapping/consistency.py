@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import IntArray
 from hypermap.core.trajectory import invert, trajectory_of
 from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.pose_convention import CONVENTIONS, OPTICAL, optical_poses
 
 _COLUMNS = 80  # of a kept image, about
 _NEAR, _FAR = 0.2, 6.0  # meters between which depth is compared
@@ -33,7 +34,8 @@ _MAX_GAP = 0.5  # seconds; poses are not interpolated across a larger gap
 _CAP = 0.03  # 1/m; a larger difference in disparity is an occlusion or a moving object
 _RATIO_CAP = 0.1  # the same as a share of the depth
 _WORST = 0.8  # mean difference over its cap, above which images do not agree
-_CLEARLY = 0.7  # another rotation of the camera must reduce the mean difference to this share
+_CLEARLY = 0.7  # another reading of the poses must reduce the mean difference to this share
+_TELLING_MOVE, _TELLING_ANGLE = 0.3, 0.15  # meters and rad between images whose poses are read
 _JUDGED_EVERY = 12  # frames
 _SURE_GAIN = 2.0  # standard errors; from such a gain or loss, a verdict is sure
 _SURE = 3.0  # standard errors by which the mean difference must be smaller
@@ -59,6 +61,20 @@ class Fit:
     value: float
     is_sure: bool
     moves: float = 0.0
+
+
+@dataclass(frozen=True)
+class PoseReading:
+    """How poses must be read for depth images to agree.
+
+    Attributes:
+        convention: one of `CONVENTIONS`.
+        turn_deg: rotation of the images about the optical axis that the poses lack [degrees]: 0,
+            90, 180 or 270.
+    """
+
+    convention: str = OPTICAL
+    turn_deg: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +131,7 @@ class Consistency:
         if len(views) < _FEWEST_VIEWS:
             return None
         earlier, later = (trajectory.at(kept[known] + tried) for tried in (-_TRIED, _TRIED))
-        pairs = _pairs(views, lambda i, j: _moves(earlier, later, i, j))
+        pairs = _pairs(_poses(views), lambda i, j: _moves(earlier, later, i, j))
         compare = _Comparison(views, *pairs)
         fit = _best(
             lambda offset: compare.in_disparity(trajectory.at(kept[known] + offset)),
@@ -135,9 +151,9 @@ class Consistency:
         """
         if len(self._views) < _FEWEST_VIEWS:
             return None
-        poses = np.array([view.map_T_camera for view in self._views])
+        poses = _poses(self._views)
         apart = np.linalg.norm(poses[:, np.newaxis, :3, 3] - poses[:, :3, 3], axis=2)
-        pairs = _pairs(self._views, lambda i, j: np.minimum(apart[i, j], 1.0))
+        pairs = _pairs(poses, lambda i, j: np.minimum(apart[i, j], 1.0))
         compare = _Comparison(self._views, *pairs)
         return _best(
             lambda scale: compare.in_depth(poses, scale),
@@ -161,9 +177,9 @@ class Consistency:
         views = [view for view in self._views if view.stamp in others]
         if len(views) < _FEWEST_VIEWS:
             return None
-        own = np.array([view.map_T_camera for view in views])
+        own = _poses(views)
         other = np.array([others[view.stamp] for view in views])
-        compare = _Comparison(views, *_pairs(views, lambda i, j: _moves(own, other, i, j)))
+        compare = _Comparison(views, *_pairs(own, lambda i, j: _moves(own, other, i, j)))
         costs = np.array([compare.in_disparity(poses) for poses in (own, other)])
         before, after = costs[:, costs.min(axis=0) < _WORST]
         if len(before) < _FEWEST_PAIRS:
@@ -177,25 +193,46 @@ class Consistency:
         """The stamps of the frames whose depth is kept [s]."""
         return {view.stamp for view in self._views}
 
-    def turn_deg(self) -> int:
-        """Return the rotation of the images about the optical axis that the poses lack [degrees].
-
-        0, 90, 180 or 270; 0 if unknown.
-        """
+    def reading(self) -> PoseReading:
+        """Return how the poses must be read for images to agree; as they are if that is unknown."""
         if len(self._views) < _FEWEST_VIEWS:
-            return 0
-        poses = np.array([view.map_T_camera for view in self._views])
-        apart = np.linalg.norm(poses[:, np.newaxis, :3, 3] - poses[:, :3, 3], axis=2)
-        turned = poses[:, :3, 2] @ poses[:, :3, 2].T  # less than 1 if the directions differ
-        pairs = _pairs(self._views, lambda i, j: apart[i, j] - _LEVER * turned[i, j])
-        if len(pairs[0]) < _FEWEST_PAIRS:
-            return 0
-        compare = _Comparison(self._views, *pairs)
+            return PoseReading()
+        poses = _poses(self._views)
         quarter = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-        turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
-        means = [float(compare.in_disparity(poses @ turn).mean()) for turn in turns]
-        best = int(np.argmin(means))
-        return 90 * best if means[best] < _CLEARLY * means[0] else 0
+        others = {
+            PoseReading(turn_deg=90 * k): poses @ np.linalg.matrix_power(quarter, k)
+            for k in (1, 2, 3)
+        } | {
+            PoseReading(convention): optical_poses(poses, convention)
+            for convention in CONVENTIONS
+            if convention != OPTICAL
+        }
+        best, least = PoseReading(), self._difference(poses, poses)
+        least = math.inf if least is None else _CLEARLY * least
+        for reading, other in others.items():
+            mean, as_recorded = self._difference(other, other), self._difference(poses, other)
+            if mean is not None and as_recorded is not None:
+                is_better = mean < _CLEARLY * as_recorded and mean < least
+                best, least = (reading, mean) if is_better else (best, least)
+        return best
+
+    def _difference(self, poses: NDArray[np.float64], overlap: NDArray[np.float64]) -> float | None:
+        """Return how much images differ by some poses, 0..1; None if too few overlap by others.
+
+        The pairs are those between which the camera moved and turned enough to tell, but not so
+        much that they show different things.
+
+        Args:
+            poses: `map_T_camera` of all views, shape (V, 4, 4).
+            overlap: poses by which pairs are chosen, shape (V, 4, 4).
+        """
+        apart = np.linalg.norm(overlap[:, np.newaxis, :3, 3] - overlap[:, :3, 3], axis=2)
+        angle = np.arccos(np.clip(overlap[:, :3, 2] @ overlap[:, :3, 2].T, -1, 1))
+        odd = np.abs(apart / _TELLING_MOVE - 1) + np.abs(angle / _TELLING_ANGLE - 1)
+        pairs = _pairs(overlap, lambda i, j: -odd[i, j])
+        if len(pairs[0]) < _FEWEST_PAIRS:
+            return None
+        return float(_Comparison(self._views, *pairs).in_disparity(poses).mean())
 
     def _view(self, frame: RgbdFrame) -> _View | None:
         """Return samples of a frame; None if too little of it is smooth."""
@@ -214,12 +251,21 @@ class Consistency:
         return _View(frame.stamp, frame.map_T_camera, camera, z, points)
 
 
+def _poses(views: list[_View]) -> NDArray[np.float64]:
+    """Return `map_T_camera` of views, shape (V, 4, 4)."""
+    return np.array([view.map_T_camera for view in views])
+
+
 def _pairs(
-    views: list[_View], key: Callable[[IntArray, IntArray], NDArray[np.float64]]
+    poses: NDArray[np.float64], key: Callable[[IntArray, IntArray], NDArray[np.float64]]
 ) -> tuple[IntArray, IntArray]:
-    """Return the pairs of overlapping views with the largest keys, as two arrays of shape (P,)."""
-    poses = np.array([view.map_T_camera for view in views])
-    i, j = np.nonzero(~np.eye(len(views), dtype=bool))
+    """Return the pairs of overlapping views with the largest keys, as two arrays of shape (P,).
+
+    Args:
+        poses: `map_T_camera` of all views, shape (V, 4, 4).
+        key: returns a number for each pair, shape (P,).
+    """
+    i, j = np.nonzero(~np.eye(len(poses), dtype=bool))
     same_way = np.sum(poses[i, :3, 2] * poses[j, :3, 2], axis=1) > _OVERLAP
     is_near = np.linalg.norm(poses[i, :3, 3] - poses[j, :3, 3], axis=1) < _APART
     i, j = i[same_way & is_near], j[same_way & is_near]

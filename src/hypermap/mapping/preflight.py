@@ -1,7 +1,8 @@
 """The pre-flight check: whether a recording meets the assumptions of mapping.
 
 Mapping assumes that the floor is level at z = 0, that depth is in meters and registered to color,
-that poses and images share one clock, and that the camera is upright. Otherwise the map is wrong.
+that poses are those of the camera's optical frame, that they share one clock with the images, and
+that the camera is upright. Otherwise the map is wrong.
 So this checks the first frames, and some later ones, and reports each problem once: what was
 measured, its effect on the map, and the remedy.
 """
@@ -22,6 +23,7 @@ from hypermap.mapping.depth_check import DepthCheck
 from hypermap.mapping.floor import Floor, FloorSampler
 from hypermap.mapping.registration_check import ColorCamera, RegistrationCheck
 from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.pose_convention import CONVENTIONS, OPTICAL
 
 _log = logging.getLogger(__name__)
 
@@ -32,6 +34,7 @@ _LEAST_MOVE = 0.02  # meters
 _LEAST_SCALE = math.log(1.25)  # a smaller error of depth does not come from a wrong unit
 _UPSIDE_DOWN = -0.5  # mean cosine between the images' upward axis and the z axis
 _SIDEWAYS = 0.7  # the same for the images' horizontal axis
+_LIE = {90: "lie on their side", 180: "are upside down", 270: "lie on their side"}
 _UNDECIDED = {
     "scale": "the camera hardly moves, so nothing tells the unit of depth",
     "clock": "frames too far apart, or too even a motion, to compare clocks",
@@ -44,7 +47,7 @@ class Finding:
     """The result of checking one assumption of mapping.
 
     Attributes:
-        check: "level", "depth", "scale", "registration", "clock" or "upright".
+        check: "level", "depth", "scale", "registration", "clock", "upright" or "poses".
         measured: what was measured, or that it could not be.
         effect: what that does to the map; empty if nothing is wrong.
         remedy: how to fix it; empty if nothing is wrong.
@@ -114,8 +117,9 @@ class Preflight:
     def findings(self) -> list[Finding]:
         """Return the result of each check, whether right or wrong."""
         floor = self._floor.floor()
+        reading = self._consistency.reading()
         is_upside_down = self._floor.is_upside_down(floor)
-        if is_upside_down:
+        if is_upside_down or reading.convention != OPTICAL:
             floor = None  # what seems to be one is something else
         for check, measure in (
             ("scale", self._scale),
@@ -132,8 +136,12 @@ class Preflight:
         undecided = [
             Finding(check, text) for check, text in _UNDECIDED.items() if check not in self._settled
         ]
-        upright = self._upright(floor, is_upside_down)
-        return [f for f in (*found, *undecided, upright) if f is not None]
+        mounted = (
+            self._upright(floor, is_upside_down, reading.turn_deg)
+            if reading.convention == OPTICAL
+            else _other_convention(reading.convention)
+        )
+        return [f for f in (*found, *undecided, mounted) if f is not None]
 
     def _level(self, floor: Floor | None) -> Finding:
         if floor is None:
@@ -196,10 +204,9 @@ class Preflight:
             f"give --time-offset auto, or {fit.value:.2f} (live: the parameter time_offset)",
         )
 
-    def _upright(self, floor: Floor | None, is_upside_down: bool) -> Finding:
+    def _upright(self, floor: Floor | None, is_upside_down: bool, turn: int) -> Finding:
         up = np.array([0.0, 0.0, 1.0]) if floor is None else floor.normal
         right, down, _ = up @ self._floor.axes
-        turn = self._consistency.turn_deg()
         if turn or is_upside_down:
             why = "images match" if turn else "the floor is level at z = 0"
             return Finding(
@@ -207,17 +214,18 @@ class Preflight:
                 f"{why} only if the camera is rotated by {turn or 180} degrees about its "
                 "optical axis",
                 "objects are mapped in different places from each image",
-                "if the camera is mounted upside down or on its side, correct its pose in tf",
+                "if the camera is mounted upside down or on its side, correct its pose in tf"
+                + ("" if turn else "; or the poses are in another convention (--pose-convention)"),
             )
         turned = 180 if -down < _UPSIDE_DOWN else 270 if right > _SIDEWAYS else 0
         turned = 90 if right < -_SIDEWAYS else turned
-        if not turned and floor is None:
-            return Finding("upright", "by their poses, the images are upright; no floor shows it")
+        if floor is None:
+            return _unseen_floor(turned)
         if not turned:
             return Finding("upright", "the images are upright")
         return Finding(
             "upright",
-            "the images are upside down" if turned == 180 else "the images lie on their side",
+            f"the images {_LIE[turned]}",
             "the map is correct, but detectors find little in such images",
             f"give --rotate {turned}",
         )
@@ -257,6 +265,27 @@ def clock_offset(frames: Iterable[RgbdFrame]) -> float | None:
     if fit is None:
         return None
     return fit.value if fit.is_sure else 0.0
+
+
+def _unseen_floor(turned: int) -> Finding:
+    """Return whether images are upright, where only their poses say so."""
+    if not turned:
+        return Finding("upright", "by their poses, the images are upright; no floor shows it")
+    return Finding(
+        "upright",
+        f"by their poses, the images {_LIE[turned]}; no floor shows it",
+        "if so, detectors find little in such images; if not, the map makes no sense",
+        f"give --rotate {turned} if they do, or else the --pose-convention of the poses",
+    )
+
+
+def _other_convention(convention: str) -> Finding:
+    return Finding(
+        "poses",
+        f"images match only if the recorded poses are {CONVENTIONS[convention]}",
+        "each image puts things in another place, and the map makes no sense",
+        f"give --pose-convention {convention}",
+    )
 
 
 def _unregistered(camera: ColorCamera) -> Finding:

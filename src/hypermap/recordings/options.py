@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hypermap.core.trajectory import pose_from_rpy
+from hypermap.core.trajectory import compose, pose_from_rpy
 from hypermap.perception.frame import Camera
+from hypermap.perception.pose_convention import CONVENTIONS, OPTICAL, optical_poses
 
 _MOST_OFFSET = 10  # seconds between the clocks of poses and images
 
@@ -44,6 +45,7 @@ class RecordingOptions:
             image of time t was taken from the pose of time t + `time_offset`.
         rotate: degrees by which to rotate the images clockwise: 0, 90, 180 or 270; for a camera
             that is mounted upside down and whose poses say so.
+        pose_convention: of the recorded poses; one of `perception.pose_convention.CONVENTIONS`.
         max_time_difference: seconds by which the stamps of a depth image and of the color image
             or detections that go with it may differ, at most 1.
         max_pose_gap: seconds between two poses across which none is interpolated.
@@ -69,6 +71,7 @@ class RecordingOptions:
     color_T_depth: ArrayLike | None = None
     time_offset: float = 0.0
     rotate: int = 0
+    pose_convention: str = OPTICAL
     max_time_difference: float = 0.02
     max_pose_gap: float = 1.0
     every: int = 1
@@ -85,6 +88,11 @@ class RecordingOptions:
             raise ValueError(f"depth_scale must be positive, got {self.depth_scale}")
         if self.rotate not in (0, 90, 180, 270):
             raise ValueError(f"rotate must be 0, 90, 180 or 270 degrees, got {self.rotate}")
+        if self.pose_convention not in CONVENTIONS:
+            raise ValueError(
+                f"pose_convention must be one of {', '.join(CONVENTIONS)}, got "
+                f"{self.pose_convention!r}"
+            )
         if not abs(self.time_offset) <= _MOST_OFFSET:
             raise ValueError(
                 f"time_offset must be -{_MOST_OFFSET} .. {_MOST_OFFSET} s, got {self.time_offset}"
@@ -103,6 +111,10 @@ class RecordingOptions:
     def world_pose(self) -> NDArray[np.float64]:
         """Return `map_T_world` as a matrix, shape (4, 4); the identity if it was not given."""
         return _matrix("map_T_world", self.map_T_world)
+
+    def poses_in_map(self, recorded: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `map_T_camera` of the optical frame from poses as recorded, shape (..., 4, 4)."""
+        return compose(self.world_pose(), optical_poses(recorded, self.pose_convention))
 
     def depth_pose(self) -> NDArray[np.float64]:
         """Return `color_T_depth` as a matrix, shape (4, 4); the identity if it was not given."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray
 from hypermap.core.errors import FormatError
-from hypermap.core.moving_frames import Chain, FixedPose, Motion
+from hypermap.core.moving_frames import Motion
 from hypermap.recordings.options import RecordingOptions
 
 _ROUNDING = 1e-6  # s; rounding error of a difference between stamps in seconds since 1970
@@ -47,7 +47,7 @@ def plan_frames(
     Args:
         depth_stamps: times of the depth images [s], shape (N,).
         color_stamps: times of the color images [s], shape (M,); None for frames without color.
-        world_T_camera: the motion of the camera.
+        world_T_camera: the motion of the camera, as recorded.
         pose_span: times of the first and last pose [s], for the error if none fits.
         options: time difference, world and step.
 
@@ -83,9 +83,8 @@ def plan_frames(
             "left out"
         )
     depth, color = depth[known][:: options.every], color[known][:: options.every]
-    motion = Chain((FixedPose(options.world_pose()), world_T_camera))
-    map_T_camera = motion.at(depth_stamps[depth] + options.time_offset)
-    return FramePlan(depth, color, map_T_camera, tuple(notes))
+    recorded = world_T_camera.at(depth_stamps[depth] + options.time_offset)
+    return FramePlan(depth, color, options.poses_in_map(recorded), tuple(notes))
 
 
 def _with_color(

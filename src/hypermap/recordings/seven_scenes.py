@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FileMissing, FormatError
-from hypermap.core.trajectory import compose, trajectory_of
+from hypermap.core.trajectory import trajectory_of
 from hypermap.perception.frame import Camera
 from hypermap.perception.recording import RecordingInfo, Stream
 from hypermap.recordings.folders import ImageFolder, Shot
-from hypermap.recordings.options import nearest_rigid
+from hypermap.recordings.options import RecordingOptions, nearest_rigid
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import read_matrix
 
@@ -26,7 +26,7 @@ _FILE = re.compile(r"frame-(\d+)\.(color\.jpg|color\.png|depth\.png|pose\.txt)")
 
 @dataclass(frozen=True, eq=False)
 class NumberedFrame:
-    """The files of one frame, and its camera pose in the world, shape (4, 4), or why not."""
+    """The files of one frame, and its pose as recorded, shape (4, 4), or why there is none."""
 
     number: int
     depth: Path
@@ -38,7 +38,7 @@ class NumberedFrame:
         """Seconds since frame 0."""
         return self.number / FRAME_RATE
 
-    def pose_on(self, map_T_world: NDArray[np.float64]) -> NDArray[np.float64]:
+    def pose(self, options: RecordingOptions) -> NDArray[np.float64]:
         """Return the camera's pose in the map, shape (4, 4).
 
         Raises:
@@ -46,7 +46,7 @@ class NumberedFrame:
         """
         if isinstance(self.world_T_camera, FormatError):
             raise self.world_T_camera
-        return compose(map_T_world, self.world_T_camera)
+        return options.poses_in_map(self.world_T_camera)
 
 
 class SevenScenesRecording(ImageFolder):
@@ -66,14 +66,13 @@ class SevenScenesRecording(ImageFolder):
         return len(self._frames)
 
     def _shots(self) -> list[Shot]:
-        map_T_world = self._options.world_pose()
         return [
             Shot(
                 stamp=frame.stamp,
                 depth=frame.depth,
                 color=frame.color,
                 color_stamp=frame.stamp if frame.color else None,
-                pose=partial(frame.pose_on, map_T_world),
+                pose=partial(frame.pose, self._options),
             )
             for frame in self._frames
         ]

@@ -36,6 +36,15 @@ def read_lines(path: Path) -> Iterator[tuple[str, str]]:
             raise FormatError("this is not a text file", path=path) from None
 
 
+def words_of(text: str) -> list[str]:
+    """Return the words of a line, which spaces or commas separate.
+
+    >>> words_of("1.5, 2 3")
+    ['1.5', '2', '3']
+    """
+    return text.replace(",", " ").split()
+
+
 def parse_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
     """Return words as numbers; those that stand for "not a number" become NaN.
 
@@ -44,8 +53,9 @@ def parse_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
     """
     try:
         return [float("nan") if _is_windows_nan(word) else float(word) for word in words]
-    except ValueError as error:
-        raise FormatError(str(error), path=path, key=key) from None
+    except ValueError:
+        line = " ".join(words)
+        raise FormatError(f"expected numbers, found {line[:80]!r}", path=path, key=key) from None
 
 
 def finite_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
@@ -67,7 +77,7 @@ def read_matrix(path: Path, size: int) -> NDArray[np.float64]:
         FileMissing: If there is no such file.
         FormatError: If it does not hold `size` rows of `size` numbers.
     """
-    rows = [parse_numbers(text.split(), path, key) for key, text in read_lines(path)]
+    rows = [parse_numbers(words_of(text), path, key) for key, text in read_lines(path)]
     if [len(row) for row in rows] != [size] * size:
         found = ", ".join(str(len(row)) for row in rows[:10]) or "none"
         raise FormatError(

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.trajectory import Trajectory
 from hypermap.perception.frame import Camera
 from hypermap.perception.recording import RecordingInfo, Stream
@@ -21,7 +21,7 @@ from hypermap.recordings.image_lists import (
 )
 from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
-from hypermap.recordings.textfiles import finite_numbers, read_lines
+from hypermap.recordings.textfiles import finite_numbers, read_lines, words_of
 
 
 class TumRecording(ImageFolder):
@@ -122,7 +122,13 @@ class TumRecording(ImageFolder):
 
     @cached_property
     def _trajectory(self) -> tuple[Trajectory, tuple[str, ...]]:
-        return read_trajectory(self._path / "groundtruth.txt", self._options.max_pose_gap)
+        path = self._path / "groundtruth.txt"
+        if not path.is_file():
+            raise FileMissing(
+                f"{path}: there is no such file, and so no camera poses; SLAM estimates them: copy "
+                "its trajectory here under this name, such as CameraTrajectory.txt of ORB-SLAM"
+            )
+        return read_trajectory(path, self._options.max_pose_gap)
 
     @cached_property
     def _plan(self) -> FramePlan:
@@ -182,7 +188,7 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
     """
     rows = []
     for key, text in read_lines(path):
-        numbers = finite_numbers(text.split(), path, key)
+        numbers = finite_numbers(words_of(text), path, key)
         if len(numbers) != 8:
             raise FormatError(
                 f"expected 8 numbers (stamp tx ty tz qx qy qz qw), found {len(numbers)}",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FormatError
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.pose_convention import optical_poses
 from hypermap.perception.registration import Registration
 from hypermap.perception.turning import turned
 from hypermap.recordings.messages.camera import camera_of_info
@@ -61,12 +62,13 @@ class FrameMaker:
         Args:
             match: color and detections, and the stamps of all.
             geometry: the depth image or cloud.
-            map_T_camera: pose of its optical frame, shape (4, 4).
+            map_T_camera: pose of its frame as tf says, shape (4, 4).
             color_T_depth: its pose in the color camera, to which it is to be registered; else None.
 
         Raises:
             FormatError: If a message is damaged, or they do not fit each other.
         """
+        map_T_camera = optical_poses(map_T_camera, self._settings.pose_convention)
         depth, cloud, color = self._geometry(geometry)
         camera = self._camera(depth, cloud)
         if color_T_depth is not None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, cast
 
 from hypermap.core.errors import HypermapError
+from hypermap.perception.pose_convention import CONVENTIONS, OPTICAL
 from hypermap.recordings.samples import ValueSource
 from hypermap.ros.port import Parameter, Value
 
@@ -95,6 +96,12 @@ class LiveSettings:
     )
     rotate: int = _setting(
         0, "Degrees by which images are turned clockwise: 0, 90, 180 or 270.", 0, 270
+    )
+    pose_convention: str = _setting(
+        OPTICAL,
+        "What tf says of the frame that the depth messages name: the pose of an optical frame, or "
+        "of a body, as with some simulators.",
+        choices=tuple(CONVENTIONS),
     )
     time_offset: float = _setting(
         0.0, "Delay from an image's stamp to the stamp of its pose in tf [s].", -10, 10

@@ -32,6 +32,8 @@ _REMEDIES = {
     "level": "does tf say where the camera really is?",
     "scale": "is the parameter depth_scale right?",
     "registration": "take depth that is registered to color, or set the parameter register",
+    "poses": "do the depth messages name an optical frame? If not, set camera_frame to one, or the "
+    "parameter pose_convention",
     "upright": "does tf say how the camera is mounted? If so, set the parameter rotate",
 }
 _PATIENT_END = 30.0  # s that the worker may take for its last frame

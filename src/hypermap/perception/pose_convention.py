@@ -1,0 +1,57 @@
+"""Conventions for the pose of a camera.
+
+Hypermap's is that of REP 103 and OpenCV: the pose of the camera's optical frame in the world.
+Programs and data sets that use another one look the same, and give a map that makes no sense.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.trajectory import invert, pose_matrix, quats_of
+
+OPTICAL = "optical"
+
+CONVENTIONS: Mapping[str, str] = MappingProxyType(
+    {
+        OPTICAL: "those of the camera's optical frame (x right, y down, z forward)",
+        "body": "those of the camera's body (x forward, y left, z up)",
+        "opengl": "those of an OpenGL camera (x right, y up, z backward), as of ARKit or Blender",
+        "world-to-camera": "inverse: those of the world in the camera's optical frame",
+        "w-first": "quaternions in the order w, x, y, z",
+    }
+)
+
+# From the axes of a convention to those of the optical frame: pose @ this.
+_TO_OPTICAL = {
+    "body": np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]]),
+    "opengl": np.diag([1.0, -1, -1, 1]),
+}
+
+
+def optical_poses(poses: NDArray[np.float64], convention: str) -> NDArray[np.float64]:
+    """Return the poses of the optical frame in the world from poses of another convention.
+
+    Args:
+        poses: as recorded, shape (..., 4, 4).
+        convention: one of `CONVENTIONS`.
+
+    Returns:
+        `world_T_camera`, shape (..., 4, 4).
+
+    Raises:
+        KeyError: If there is no such convention.
+    """
+    if convention == OPTICAL:
+        return poses
+    if convention == "world-to-camera":
+        return invert(poses)
+    if convention == "w-first":
+        w, x, y, z = np.moveaxis(quats_of(poses[..., :3, :3].reshape(-1, 3, 3)), 1, 0)
+        quats = np.stack([x, y, z, w], axis=1).reshape(*poses.shape[:-2], 4)
+        return pose_matrix(poses[..., :3, 3], quats)
+    return np.asarray(poses @ _TO_OPTICAL[convention])
