@@ -84,6 +84,8 @@ class LifecycleNode(Node):
         return self._change("deactivate")
 
     def trigger_shutdown(self) -> TransitionCallbackReturn:
+        if self.state not in STATES[1:4]:
+            raise RuntimeError("Shutdown transtion not possible")
         return self._change("shutdown")
 
     def change_state(self, label: str) -> bool:

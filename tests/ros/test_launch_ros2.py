@@ -156,6 +156,21 @@ def test_scripts_start_the_nodes(name: str) -> None:
     assert re.match(rf"{name}: .*(one map|does not know)", done.stderr), done.stderr
 
 
+@pytest.mark.parametrize("name", NODES)
+def test_ctrl_c_amid_the_imports_shows_no_traceback(name: str, tmp_path: Path) -> None:
+    (tmp_path / "hypermap").mkdir()
+    (tmp_path / "hypermap" / "__init__.py").write_text("raise KeyboardInterrupt\n")
+    done = subprocess.run(
+        [sys.executable, PACKAGE / "scripts" / name],
+        env={"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_both_systems_build_one_package() -> None:
     root = ElementTree.parse(PACKAGE / "package.xml").getroot()
     builds = {item.get("condition"): item.text for item in root.iter("build_type")}

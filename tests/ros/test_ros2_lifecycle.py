@@ -142,6 +142,28 @@ def test_a_signal_amid_the_start_ends_it_in_order_and_another_disturbs_nothing(
     assert signal.getsignal(number) is before
 
 
+def test_a_signal_between_the_node_and_its_state_ends_it_in_order(
+    graph: Graph, make_port: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port, node = make_port(), Idle()
+    monkeypatch.setattr(  # what ROS still does once the node is active
+        "hypermap.ros.ros2.life.Bond", lambda _: os.kill(os.getpid(), signal.SIGINT)
+    )
+    with pytest.raises(KeyboardInterrupt):
+        port.manage(node)
+    assert node.calls == ["configure", "activate", "deactivate", "cleanup"]
+    assert not [text for level, text in graph.logged if level == "error"]
+
+
+def test_a_signal_amid_the_configuration_cleans_nothing_up(graph: Graph, make_port: Any) -> None:
+    port, node = make_port(), Idle()
+    node.configure = lambda: os.kill(os.getpid(), signal.SIGINT)  # type: ignore[method-assign]
+    with pytest.raises(KeyboardInterrupt):
+        port.manage(node)
+    assert node.calls == []
+    assert not [text for level, text in graph.logged if level == "error"]
+
+
 def test_a_callback_that_does_not_end_keeps_no_node_from_ending(
     graph: Graph, make_port: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -33,7 +33,7 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
         self._starting = False
         self._finalized = False
         self._bond: Bond | None = None
-        self._step = ""  # what a signal has interrupted, if one has
+        self._is_configured = self._is_active = False  # ours, also amid a transition
         super().__init__(name)
 
     def manage(self, node: Node) -> None:
@@ -58,16 +58,11 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
         """Let the node end, from whatever state it is in."""
         if self._finalized:
             return
-        if self._step in ("activate", "deactivate"):  # of these, ROS knows no way to the end
-            self._finalized = True
-            self._break_bond()
-            self._outcome("deactivate")
-            self._outcome("cleanup")
-            return
         try:
             self.trigger_shutdown()
-        except Exception as error:
-            self._write("error", f"ROS 2 does not end the node in order: {error}")
+        except Exception as error:  # ROS knows no way to the end from amid a transition
+            self._write("debug", f"ROS 2 does not shut the node down: {error}")
+            self._end()
 
     def on_configure(self, state: Any) -> Any:  # noqa: ARG002
         """Answer the transition "configure"."""
@@ -96,14 +91,18 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
         """Answer the transition "cleanup"."""
         return self._outcome("cleanup")
 
-    def on_shutdown(self, state: Any) -> Any:
+    def on_shutdown(self, state: Any) -> Any:  # noqa: ARG002
         """Answer the transition "shutdown"; nothing keeps it from happening."""
-        self._finalized = True
-        if state.label == "active":
-            self.on_deactivate(state)
-        if state.label in ("active", "inactive"):
-            self._outcome("cleanup")
+        self._end()
         return _SUCCESS
+
+    def _end(self) -> None:
+        self._finalized = True
+        self._break_bond()
+        if self._is_active:
+            self._outcome("deactivate")
+        if self._is_configured:
+            self._outcome("cleanup")
 
     def _break_bond(self) -> None:
         bond, self._bond = self._bond, None
@@ -114,11 +113,12 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
         try:
             if self._ours is None:
                 raise HypermapError("the node is not ready yet")
-            self._step = step
+            self._is_active |= step == "activate"  # what is undone if it fails
             getattr(self._ours, step)()
-            self._step = ""
+            self._is_configured |= step == "configure"
+            self._is_active &= step != "deactivate"
+            self._is_configured &= step != "cleanup"
         except Exception as error:
-            self._step = ""
             self._error = error
             if not self._starting:
                 known = isinstance(error, HypermapError)
