@@ -141,6 +141,7 @@ def test_several_bags_that_are_not_parts_of_one_are_an_error(
     [
         (b"uint32 step", b"uint32 stop", "a sensor_msgs/msg/Image has no step"),
         (b"Transform transform", b"Transform trAnsform", "TransformStamped has no transform"),
+        (b"float64 w\n", b"float64 W\n", "a geometry_msgs/msg/Quaternion has no w"),
     ],
 )
 def test_a_bag_with_other_types_of_the_same_names_is_an_error(

@@ -214,4 +214,4 @@ def _types_of(connection: Connection) -> Typestore:
 
 def _spelled(field: str) -> str:
     """Return a field's name as in ROS 2; camera info spells D, K, R and P like this in ROS 1."""
-    return field.lower() if len(field) == 1 else field
+    return field.lower() if field in ("D", "K", "R", "P") else field
