@@ -1,7 +1,8 @@
 """Long runs: memory and speed stay level, however long a robot drives.
 
 - A mapper of each profile takes frames of a drive over and over, as many as there is time for.
-- A live node maps a day of simulated clock: restarts, jumps of the clock, topics that fall silent.
+- A live node maps a day of simulated clock: restarts, jumps of the clock, topics that fall silent,
+  hours without anything, frames without a pose, a simulator that begins again at zero.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from campaign.part import Budget, Finding, Result, merged
 from campaign.robot import DEPTH, DETECTIONS, Robot
 from hypermap.core.arrays import FloatArray
+from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
@@ -37,9 +39,14 @@ _ENOUGH = 20_000  # frames, after which all that a mapper keeps has reached its 
 _FILLING = 40.0  # MB that 10,000 frames may add before
 _SETTLES = 5.0  # MB, within which memory may settle at any time
 _FEWEST = 1000  # frames, from which on growth is distinguishable from noise
-_EVENTS = ("restart", "jump", "without detections", "without depth", "other clock")
+_EVENTS = (
+    *("restart", "jump", "without detections", "without depth", "other clock"),
+    *("silence", "no pose", "simulator"),
+)
 _EVERY = 7  # frames, of which the last meets an event
 _YEARS = 4 * 10**17  # ns
+_NOW = 1_600_000_000 * 10**9  # ns since 1970, when the day begins
+_HOUR = 3600 * 10**9  # ns
 _PATIENCE = 120.0  # s for one frame of the live node
 _LOOKED_AT = {Fate.MAPPED, Fate.STILL}
 
@@ -203,6 +210,22 @@ def _live(frames: list[RgbdFrame], budget: Budget) -> Result:
     return gauge.result("live", day.findings, budget.seed, **figures)
 
 
+def strayed(known: SemanticLayer, kept: SemanticLayer) -> list[str]:
+    """Return in words which objects differ between a live layer and the map saved at its end.
+
+    What turns out to be another part of an object of its name may join that at the end.
+    """
+    gone = [item for item in known if item.id not in kept.ids]
+    new = [item.id for item in kept if item.id not in known.ids]
+    lost = [
+        item.id
+        for item in gone
+        if not any(item.name == o.name and item.footprint.intersects(o.footprint) for o in kept)
+    ]
+    found = [f"objects {lost} are not in the saved map"] if lost else []
+    return found + ([f"objects {new} are in the saved map alone"] if new else [])
+
+
 class _Day:
     """A node, its clock and restarts, and what became of the frames that it was shown whole.
 
@@ -216,7 +239,7 @@ class _Day:
     """
 
     def __init__(self, saved: Path, seed: int) -> None:
-        self.clock = 1_600_000_000 * 10**9
+        self.clock = _NOW
         self.lives = self.mapped = 0
         self.lost: list[str] = []
         self.objects: list[int] = []
@@ -234,24 +257,33 @@ class _Day:
 
     def end(self) -> None:
         """End the node, which saves its map."""
-        objects = len(self.node)
-        self.objects.append(objects)
+        known = self.node.mapped()[0]
+        self.objects.append(len(known))
         self.node.deactivate()
         self.node.cleanup()
-        kept = len(open_map(self._saved).semantic())
-        if kept != objects:
-            self.findings.append(f"{objects} objects at the end, {kept} in the saved map")
+        self.findings += strayed(known, open_map(self._saved).semantic())
 
     def meet(self, frame: RgbdFrame, event: str) -> None:
         """Show a frame, or let something else happen."""
         if event == "restart":
             self.end()
             self._begin()
-        elif event == "jump":  # by more than messages may be in disorder
-            self.clock = self._shown - round(self._rng.uniform(2, 3600) * 1e9)
+        elif event == "jump":  # by more than messages may be in disorder, but not before zero
+            back = self._shown - round(self._rng.uniform(2, 3600) * 1e9)
+            self.clock = back if back > 0 else self.clock
         elif event == "other clock":
             self.robot.show(frame, self.clock + _YEARS, DEPTH)
             self.clock += 10**9
+        elif event == "silence":
+            for _ in range(12):
+                self.clock += _HOUR // 12
+                self.robot.clock = self.clock
+                self.robot.tick()
+        elif event == "no pose":
+            self.robot.show(frame, self.clock, is_posed=False)
+            self.clock += 10**9
+        elif event == "simulator":  # its clock begins at zero, or the real one is back
+            self.clock = 10**9 if self.clock >= _NOW - _YEARS else _NOW + DAY * 10**9
         if event.startswith("without"):
             topic = DEPTH if event == "without detections" else DETECTIONS
             self.robot.show(frame, self.clock, topic)

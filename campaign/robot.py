@@ -30,10 +30,14 @@ class Robot(InProcessPort):
         )
         self._poses: dict[int, FloatArray] = {}
 
-    def show(self, frame: RgbdFrame, stamp: int, *topics: str) -> None:
-        """Send what belongs to a frame as of a time [ns], on all topics or on these."""
+    def show(self, frame: RgbdFrame, stamp: int, *topics: str, is_posed: bool = True) -> None:
+        """Send what belongs to a frame as of a time [ns], on all topics or on these.
+
+        Without a pose, tf does not know where the camera was.
+        """
         self.clock = stamp
-        self._poses[stamp] = frame.map_T_camera
+        if is_posed:
+            self._poses[stamp] = frame.map_T_camera
         while len(self._poses) > _KEPT:
             self._poses.pop(next(iter(self._poses)))
         make = {INFO: _camera_info, DEPTH: _depth, DETECTIONS: _detections}

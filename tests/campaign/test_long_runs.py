@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hypermap.core.semantic import SemanticLayer
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.testing import square
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # as `python -m campaign` has it
 
@@ -63,3 +65,14 @@ def test_the_clock_jumps_back_beyond_the_last_frame(
     day.meet(frame, "jump")
     day.end()
     assert day.lost == []
+
+
+def test_an_object_that_is_lost_at_the_end_is_found_and_one_that_joins_another_is_not() -> None:
+    table, part = square("table", 0, 0, 2, id=1), square("table", 1, 0, id=2)
+    cup = square("cup", 5, 5, id=3)
+    known = SemanticLayer("s", "map", [table, part, cup])
+    assert long_runs.strayed(known, SemanticLayer("s", "map", [table, cup])) == []
+    lost = long_runs.strayed(known, SemanticLayer("s", "map", [table]))
+    assert lost == ["objects [3] are not in the saved map"]
+    [new] = long_runs.strayed(SemanticLayer("s", "map", [table]), SemanticLayer("s", "map", [part]))
+    assert new == "objects [2] are in the saved map alone"
