@@ -63,7 +63,11 @@ def test_a_clock_that_is_ahead_is_told_and_gives_no_time(caplog: pytest.LogCaptu
     ahead = [dataclasses.replace(frame(i), stamp=9e9 + i) for i in range(3)]
     with caplog.at_level(logging.WARNING):
         made = map_recording(Frames(ahead), boxes, CONFIG)
-    assert "lie in the future (2255-03-14" in caplog.text
+        assert "lie in the future (2255-03-14" in caplog.text
+        assert "earlier drive" not in caplog.text
+        now = [dataclasses.replace(f, stamp=1.7e9 + i) for i, f in enumerate(walk().items)]
+        map_recording(Frames(now), boxes, CONFIG, onto=made)
+    assert "earlier drive 'walk' lie in the future (2255-03-14" in caplog.text
     assert made.history is not None
     assert made.history.mapped is not None
     assert made.history.mapped.time is None

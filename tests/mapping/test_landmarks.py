@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import affinity
 
+from hypermap.core.semantic import SemanticObject
 from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
@@ -201,5 +202,11 @@ def test_a_cup_that_two_tracks_show_is_published_once_where_frames_agree() -> No
     for observation in observations(errors, cup_in=range(12)):
         landmarks.update(observation)
         plain.update(observation)
-    for evidence, cups in ((plain, 2), (landmarks, 1)):
-        assert [item.name for item in evidence.objects()].count("thing 0") == cups
+
+    def cups(objects: Iterable[SemanticObject]) -> int:
+        return [item.name for item in objects].count("thing 0")
+
+    assert (cups(plain.objects()), cups(landmarks.objects())) == (2, 1)
+    # In between, what the final layer has left out stays so.
+    assert cups(landmarks.layer(is_final=False)) == 2
+    assert cups(landmarks.layer()) == cups(landmarks.layer(is_final=False)) == 1

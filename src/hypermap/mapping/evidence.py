@@ -64,6 +64,7 @@ class EvidenceMap:
         self._classes: dict[str, int] = {}
         self._tracks = TrackTable(config.max_existence)
         self._edited = False  # whether people have edited anything
+        self._left_out: set[int] = set()  # ids that the last final layer left out
 
     def __len__(self) -> int:
         """Return how many objects are published."""
@@ -167,10 +168,17 @@ class EvidenceMap:
         Args:
             name: of the layer.
             frame_id: its frame.
-            is_final: whether objects are landmarks for each other (`landmarks`). False is faster:
-                only shapes whose evidence has changed are fused again.
+            is_final: whether objects are landmarks for each other (`landmarks`), and of those in
+                one place, one is left out. False is faster: only shapes whose evidence has changed
+                are fused again, and what the last final layer left out stays so.
         """
-        return self._as_published().layer(name, frame_id, is_final)
+        published = self._as_published()
+        ids = {number for number, _, _ in published.summary()}
+        if not is_final:
+            return published.layer(name, frame_id, ids - self._left_out)
+        layer = published.layer(name, frame_id)
+        self._left_out = ids.difference(layer.table.ids.tolist())
+        return layer
 
     def evidence(self, object_id: int) -> tuple[Evidence, ...]:
         """Return the kept evidence for an object, oldest first.

@@ -440,7 +440,7 @@ class Mapper:
         return self._left_out.first_reason
 
     def tell_left_out(self) -> None:
-        """Log how many frames more were left out, and whether the drive's clock is wrong."""
+        """Log how many frames more were left out, and which clocks are wrong."""
         self._left_out.log_rest()
         if self._drive.is_ahead:
             _log.warning(
@@ -456,6 +456,14 @@ class Mapper:
                 self._drive.name,
                 self._drive.last,
             )
+        for drive in self._earlier.drives:
+            if drive.is_ahead and drive.first > self._drive.last:
+                _log.warning(
+                    "the stamps of the earlier drive %r lie in the future (%s): what has moved "
+                    "since then is told as one object gone and another one added",
+                    drive.name,
+                    wall_clock(drive.last),
+                )
 
     @property
     def perceiver(self) -> Perceiver:

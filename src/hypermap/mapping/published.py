@@ -107,9 +107,11 @@ class PublishedTracks:
             for row in self.rows()
         ]
 
-    def layer(self, name: str, frame_id: str, is_final: bool) -> SemanticLayer:
-        """Return the objects as a layer, with their evidence; see `EvidenceMap.layer`."""
-        objects = self.objects(None if is_final else {number for number, _, _ in self.summary()})
+    def layer(
+        self, name: str, frame_id: str, wanted: Collection[int] | None = None
+    ) -> SemanticLayer:
+        """Return `objects` as a layer, with their evidence."""
+        objects = self.objects(wanted)
         ids = {item.id for item in objects}
         kept = {o.id: tuple(o.buffer.items) for o in self.tracks.objects if o.id in ids}
         table, evidence = ObjectTable.of(objects), lazy_evidence_table(kept)
