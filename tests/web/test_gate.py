@@ -123,9 +123,17 @@ def test_who_says_nothing_in_time_or_too_much_is_left(
         assert client.recv(1) == b""
 
 
-def test_what_is_no_websocket_is_told_so_and_not_handed_on(gate: Gate) -> None:
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"Origin: https://evil.example\r\nGET / HTTP/1.1\r\n" + ASK.partition(b"\r\n")[2],
+    ],
+    ids=["no upgrade", "no request"],
+)
+def test_what_is_no_websocket_is_told_so_and_not_handed_on(gate: Gate, said: bytes) -> None:
     with connected(gate) as client:
-        client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        client.sendall(said)
         answer = received(client, 1 << 20)
     assert answer.startswith(b"HTTP/1.1 403 Forbidden\r\n")
     assert b"connect with Foxglove" in answer

@@ -169,9 +169,11 @@ class Gate:
 
     def _problem(self, header: bytes) -> str:
         """Return why a request is refused; nothing if it is not."""
-        lines = [line.partition(":") for line in header.decode("latin-1").split("\r\n")[1:]]
-        fields = {name.strip().lower(): value.strip() for name, _, value in lines}
-        if fields.get("upgrade", "").lower() != "websocket":
+        asked, *lines = header.decode("latin-1").split("\r\n")
+        parts = (line.partition(":") for line in lines)
+        fields = {name.strip().lower(): value.strip() for name, _, value in parts}
+        is_request = asked.startswith("GET ") and asked.endswith(" HTTP/1.1")
+        if not is_request or fields.get("upgrade", "").lower() != "websocket":
             return "this is a WebSocket server; connect with Foxglove or Lichtblick"
         host, origin = fields.get("host", ""), fields.get("origin")
         if not is_known(host, self._hosts):
