@@ -40,6 +40,7 @@ def test_the_thesis_profile_takes_all_detections_and_depths_and_grows_regions() 
         ({"min_inside": 1.1}, "min_inside must be between 0 and 1, got 1.1"),
         ({"min_own_border": -0.1}, "min_own_border must be between 0 and 1, got -0.1"),
         ({"max_offset": -1}, "max_offset must be between 0 and inf, got -1"),
+        ({"min_fit": -1}, "min_fit must be between 0 and 1, got -1"),
         ({"max_cut": 2}, "max_cut must be between 0 and 1, got 2"),
         ({"visible_step": 0}, "visible_step must be between 1 and inf, got 0"),
         ({"normal_neighbors": 2}, "normal_neighbors must be between 3 and 1000, got 2"),

@@ -210,6 +210,15 @@ def test_what_is_in_front_of_a_thing_beyond_max_depth_is_not_the_thing() -> None
     assert [len(cut(depth, [box])) for box in boxes] == [1, 1]
 
 
+def test_what_fills_little_of_a_box_is_not_the_thing_in_it() -> None:
+    depth, shown = look(FLOOR, WALL, (0.0, 0.0, 1.5, 0.1, 0.1, 1.6))
+    poster = [110.0, 70.0, 210.0, 170.0]
+    assert cut(depth, [poster]) == {}
+    assert shares(cut(depth, [poster], min_fit=0)[0], shown == 2) == pytest.approx((1, 1), abs=0.1)
+    depth[shown < 2] = np.nan  # of a dark thing, little may be measured
+    assert len(cut(depth, [poster])) == 1
+
+
 def test_a_box_with_nothing_but_background_of_several_surfaces_has_no_object() -> None:
     depth, shown = look(FLOOR, WALL)
     corner = np.flatnonzero(shown[:, 50] == 0)[0]  # the first row of the floor

@@ -29,6 +29,8 @@ class PerceptionConfig:
             multiple of the box's larger side, for "enclosed": objects are about as deep as wide.
         max_cut: share of its outline at which a surface may continue past the box that cuts the
             object out of it, if the box encloses none, for "enclosed"; 0 cuts nothing out.
+        min_fit: share of its box that the extent of an object must fill, for "enclosed", unless
+            less than half of the box is measured; 0 accepts any.
         min_support: of the eight neighbors of a pixel between a nearer and a farther one, how many
             must be at its depth, for it not to be a flying pixel; 0 keeps all.
         min_top: an object whose top is within this of the floor, z = 0, is a piece of the floor and
@@ -58,6 +60,7 @@ class PerceptionConfig:
     min_own_border: float = 0.2
     max_offset: float = 0.4
     max_cut: float = 0.5
+    min_fit: float = 0.25
     min_support: int = 4
     min_top: float = 0.05
     smoothing: int = 2
@@ -84,6 +87,7 @@ class PerceptionConfig:
         _check("min_own_border", self.min_own_border, 0, 1)
         _check("max_offset", self.max_offset, 0, math.inf)
         _check("max_cut", self.max_cut, 0, 1)
+        _check("min_fit", self.min_fit, 0, 1)
         _check("min_support", self.min_support, 0, 8)
         _check("min_top", self.min_top, 0, math.inf)
         _check("smoothing", self.smoothing, 0, 20)

@@ -82,7 +82,40 @@ def cut_out(
             cut[number] = cut_piece(*at, fit, boxes[number], camera, config)
             for larger in by_size[:place]:
                 cut[larger] = np.setdiff1d(cut[larger], cut[number], assume_unique=True)
-    return cut
+    measured = [len(pixels) + more for pixels, more in zip(objects, farther, strict=True)]
+    return [
+        _if_fitting(*found, valid.shape, config) for found in zip(cut, boxes, measured, strict=True)
+    ]
+
+
+def _if_fitting(
+    found: IntArray,
+    box: NDArray[np.float32],
+    measured: int,
+    shape: tuple[int, ...],
+    config: PerceptionConfig,
+) -> IntArray:
+    """Return what was found in a box if its extent fills enough of it; nothing if not.
+
+    What fills a small part of a box is in front of or behind the thing that the detector saw,
+    unless little of that thing is measured.
+
+    Args:
+        found: row-major indices of pixels, increasing.
+        box: xmin, ymin, xmax, ymax [pixels], shape (4,).
+        measured: how many pixels in the box or mask have a depth.
+        shape: of the image.
+        config: with the least share, `min_fit`.
+    """
+    height, width = shape
+    left, top, right, bottom = box.tolist()
+    area = (min(right, width) - max(left, 0)) * (min(bottom, height) - max(top, 0))
+    least = config.min_fit * area
+    if len(found) == 0 or len(found) >= least or 2 * measured < area:
+        return found
+    columns = found % width
+    rows = found[-1] // width + 1 - found[0] // width
+    return found if rows * (columns.max() + 1 - columns.min()) >= least else found[:0]
 
 
 class _Inside:
