@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import logging
+import time
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -94,6 +95,13 @@ def test_sessions_under_clocks_far_ahead_drop_nothing() -> None:
     days_after = (revision(23, 4001 * DAY), revision(24, 4002 * DAY))  # it was right before
     long = replace(history, added=(*history.added, *days_after))
     assert versions(history_files(long, HistoryPolicy(keep="10d"))) == [21, 22, 23, 24]
+
+
+def test_a_million_empty_lines_take_no_seconds() -> None:
+    files = {"history.000001.jsonl": b"\n" * 1_000_000}
+    started = time.process_time()
+    assert HistoryFiles(files, "office.hmap")() == ()
+    assert time.process_time() - started < 1.5
 
 
 def test_nothing_is_too_old_by_a_clock_that_is_not_set(monkeypatch: pytest.MonkeyPatch) -> None:

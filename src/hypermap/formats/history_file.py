@@ -157,6 +157,8 @@ def _lines(files: Mapping[str, bytes]) -> Iterator[bytes]:
 
 def _time_in(line: bytes) -> float | None:
     """Return the time of a line, without reading what changed; None if there is none."""
+    if b'"time"' not in line:
+        return None
     head, _, _ = line.partition(b',"changes"')
     try:
         return _stamp(json.loads(head + b"}")["time"])
@@ -179,6 +181,8 @@ def dump_revision(revision: Revision) -> bytes:
 
 def _revision_in(line: bytes) -> Revision | None:
     """Return the revision in a line; None if it is damaged."""
+    if b'"changes"' not in line:  # sooner than by an exception: there may be millions of lines
+        return None
     try:
         return parse_revision(line)
     except _WRONG:
