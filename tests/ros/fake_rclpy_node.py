@@ -183,6 +183,12 @@ class Node:
     def get_name(self) -> str:
         return self._name
 
+    def get_namespace(self) -> str:
+        return self._namespace
+
+    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
+        return [(node.get_name(), node.get_namespace()) for node in self.graph.nodes]
+
     def get_fully_qualified_name(self) -> str:
         return f"{self._namespace.rstrip('/')}/{self._name}"
 

@@ -27,6 +27,8 @@ SIGNATURES = {
         _NODE,
     ),
     "rclpy.node.Node.get_name": ("(self)", _NODE),
+    "rclpy.node.Node.get_namespace": ("(self)", _NODE),
+    "rclpy.node.Node.get_node_names_and_namespaces": ("(self)", _NODE),
     "rclpy.node.Node.get_fully_qualified_name": ("(self)", _NODE),
     "rclpy.node.Node.get_topic_names_and_types": ("(self, no_demangle=False)", _NODE),
     "rclpy.node.Node.resolve_topic_name": ("(self, topic, *, only_expand=False)", _NODE),

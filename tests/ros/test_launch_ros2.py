@@ -121,6 +121,13 @@ def test_what_is_included_takes_the_arguments(file: Path) -> None:
 
 
 @files
+def test_nothing_runs_yet_where_rviz_is_missing(file: Path) -> None:
+    """`ros2 launch` ends at a package that it does not find, and leaves running what it started."""
+    packages = [item.get("pkg") for item in elements(file) if item.tag == "node"]
+    assert "rviz2" not in packages[1:]
+
+
+@files
 def test_files_of_the_package_exist(file: Path) -> None:
     text = file.read_text()
     for name in re.findall(r"\$\(find-pkg-share hypermap\)/([\w./]+)", text):

@@ -15,6 +15,7 @@ from hypermap.core.errors import HypermapError
 
 from .amid_locks import signals_amid_locks
 from .conftest import wait_for
+from .fake_rclpy import other_node
 from .fake_rclpy_node import Graph
 from .ros2_fixtures import Idle, graph, make_port, port
 
@@ -104,6 +105,21 @@ def test_signals_end_it_while_it_can_still_publish(
     port.spin()
     assert graph.latest("/hypermap_server/goodbye").data == "bye"
     assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize(("name", "is_warned"), [("hypermap_server", True), ("other", False)])
+def test_a_node_warns_of_another_with_its_name(
+    graph: Graph, make_port: Any, monkeypatch: pytest.MonkeyPatch, name: str, is_warned: bool
+) -> None:
+    port = make_port()
+    port.manage(Idle())
+    monkeypatch.setattr("hypermap.ros.ros2.port._DISCOVERY", 0.0)
+    monkeypatch.setattr("hypermap.ros.ros2.port.time.sleep", lambda _: None)
+    looked = port._warn_of_namesakes
+    monkeypatch.setattr(port, "_warn_of_namesakes", lambda: (looked(), port.shut_down()))
+    with other_node(graph, name):
+        port.spin()
+    assert any("another node is named /hypermap_server" in t for _, t in graph.logged) == is_warned
 
 
 @pytest.mark.timeout(60)

@@ -205,6 +205,15 @@ def test_missing_types_name_the_remedy(port: Any, monkeypatch: pytest.MonkeyPatc
         port.message("hypermap_msgs/NoSuchMessage")
 
 
+def test_the_detections_of_ros1_name_those_of_ros2(port: Any, monkeypatch: Any) -> None:
+    def missing(name: str) -> Any:
+        raise ModuleNotFoundError(f"No module named {name!r}")
+
+    monkeypatch.setattr("hypermap.ros.ros2.messages.importlib.import_module", missing)
+    with pytest.raises(HypermapError, match=r"\(--detections-type vision\)"):
+        port.message("darknet_ros_msgs/BoundingBoxes")
+
+
 def test_stamps_and_time(graph: Graph, port: Any) -> None:
     assert (port.stamp(1_500_000_000).sec, port.stamp(1_500_000_000).nanosec) == (1, 500_000_000)
     graph.time = 42
@@ -278,6 +287,17 @@ def test_a_clock_that_jumps_back_forgets_what_moved(graph: Graph, port: Any) -> 
     with pytest.raises(FrameError):
         port.lookup("map", "robot")
     assert port.lookup("map", "lab")[0, 3] == 1.0
+
+
+def test_a_reason_of_tf2_that_begins_with_nothing_is_said_plainly(
+    port: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any) -> Any:  # as where tf2 has just forgotten all that it knew
+        raise sys.modules["tf2_ros"].TransformException(", when looking up transform from [a]")
+
+    monkeypatch.setattr(sys.modules["tf2_ros"].Buffer, "lookup_transform", refuse)
+    with pytest.raises(FrameError, match="from 'a' to 'b': when looking up"):
+        port.lookup("b", "a")
 
 
 def test_without_tf2_ros_the_error_says_what_to_install(

@@ -43,5 +43,10 @@ def _remedy(package: str) -> str:
             f"build it from Hypermap's folder ros/{PACKAGE}: colcon build --packages-select "
             f"{PACKAGE} in a workspace, then source its install/setup.bash"
         )
+    if package == "darknet_ros_msgs":
+        return (
+            "build it from source, or set detections_type to vision_msgs/Detection2DArray "
+            "(--detections-type vision)"
+        )
     distribution = os.environ.get("ROS_DISTRO", "DISTRO")
     return f"apt-get install ros-{distribution}-{package.replace('_', '-')}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import traceback
@@ -38,6 +39,7 @@ from hypermap.ros.ros2.tf import Transforms
 from hypermap.ros.signals import on_end_signals
 
 _THREADS = 4
+_DISCOVERY = 2.0  # s after which a node knows the others
 _AUTOSTART = Parameter(
     "autostart",
     True,
@@ -260,8 +262,12 @@ class Ros2Port:
         """Return when the node is to end, and has ended."""
         with on_end_signals(lambda *_: self.shut_down()):
             try:
+                look_at = time.monotonic() + _DISCOVERY
                 while not self.is_shut_down:
                     time.sleep(0.1)
+                    if time.monotonic() >= look_at:
+                        look_at = math.inf
+                        self._warn_of_namesakes()
             finally:
                 self._close()
 
@@ -294,6 +300,16 @@ class Ros2Port:
             return
         self._node.destroy_node()
         _shut_down_rclpy()
+
+    def _warn_of_namesakes(self) -> None:
+        """Say that another node has this one's name, which ROS 2 lets happen."""
+        others = self._node.get_node_names_and_namespaces()
+        if others.count((self._node.get_name(), self._node.get_namespace())) > 1:
+            self.log(
+                "warning",
+                f"another node is named {self.node_name}, too, and may answer calls of this one's "
+                "services: end it, or name this one by --ros-args -r __node:=NAME",
+            )
 
     def _guarded(self, what: str, call: Callable[[], None]) -> None:
         def unless_shut_down() -> None:

@@ -72,8 +72,9 @@ class Transforms:
                 target, source, time, Duration(nanoseconds=int(timeout * 1e9))
             )
         except (tf2_ros.TransformException, ValueError, OverflowError) as error:
+            reason = str(error).lstrip(", ")  # tf2's may begin with nothing
             raise FrameError(
-                f"tf has no transform from {source!r} to {target!r}: {error}"
+                f"tf has no transform from {source!r} to {target!r}: {reason}"
             ) from None
         p, q = found.transform.translation, found.transform.rotation
         return pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
