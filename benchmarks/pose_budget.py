@@ -85,7 +85,7 @@ class Drive:
         recording = _recording(name, seed, errors, rate)
         keyframes, kept = KeyframeSelector(CONFIG.keyframes), []
         for number, frame in enumerate(recording.frames()):
-            if keyframes.accept(frame.map_T_camera):
+            if keyframes.accept(frame.map_T_camera, frame.stamp):
                 kept.append((number, frame))
         numbers = np.array([number for number, _ in kept])
         things = tuple(true_objects(recording.world).objects())

@@ -91,7 +91,9 @@ def later_drive(name: str, level: str, seed: int, rate: float) -> Drive:
         day = next_day(day, 1000 * seed + number)
     mapper = Mapper(profile("default"), _SOURCE)
     recording = recording_of(day.world, level, 1000 * seed + 2, rate, False)
-    frames = (one for one in recording.frames() if mapper.keyframes.accept(one.map_T_camera))
+    frames = (
+        one for one in recording.frames() if mapper.keyframes.accept(one.map_T_camera, one.stamp)
+    )
     return Drive(f"{name}, {level}", name, [(one, mapper.perceiver(one)) for one in frames])
 
 

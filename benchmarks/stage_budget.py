@@ -100,7 +100,7 @@ def driven(name: str, seed: int, level: str, rate: float) -> Drive:
     views = Views(world, recording.camera)
     shown = []
     for frame, pose in zip(recording.frames(), recording.true_poses, strict=True):
-        if keyframes.accept(frame.map_T_camera):
+        if keyframes.accept(frame.map_T_camera, frame.stamp):
             view = views.seen(pose, None)
             recorded = frame.map_T_camera
             shown.append(Shown(aligner.align(frame), recorded, pose, view.instances, view.depth))

@@ -118,7 +118,7 @@ def _seconds_of_steps(
 
     for frame in recording.frames():
         end("reading")
-        if keyframes.accept(frame.map_T_camera):
+        if keyframes.accept(frame.map_T_camera, frame.stamp):
             observation = observe(frame, source(frame), config.perception)
             end("perception")
             occupancy.add_depth(frame)

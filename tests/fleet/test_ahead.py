@@ -207,7 +207,7 @@ def test_frames_that_are_not_keyframes_are_only_read(folder: Path, workers: Proc
     def keep(_progress: Progress) -> None:
         seen.append(ahead._current)
 
-    config = replace(profile("default"), keyframes=KeyframeConfig(100.0, 180.0))
+    config = replace(profile("default"), keyframes=KeyframeConfig(100.0, 180.0, 0.0))
     map_recording(ahead, None, config, ahead=ahead, on_progress=keep)
     assert pending.map_T_camera is not None
     assert sum(looked.perceived is not None for looked in seen) == 1

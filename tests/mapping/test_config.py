@@ -64,7 +64,10 @@ def test_what_is_saved_with_a_map_is_read_again(tmp_path: Path, name: str) -> No
             "evidence: {los: 1}",
             "evidence.los: unknown key; did you mean 'loss'?",
         ),
-        ("keyframes: {x: 1}", "keyframes.x: unknown key; known: min_distance, min_angle_deg"),
+        (
+            "keyframes: {x: 1}",
+            "keyframes.x: unknown key; known: min_distance, min_angle_deg, look_again",
+        ),
         ("evidence: 3", "evidence: expected keys and values, found 3"),
         ("evidence:", "evidence: expected keys and values, found nothing"),
         ("- evidence", "expected keys and values, found a list"),

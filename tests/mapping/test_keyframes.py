@@ -38,19 +38,48 @@ def test_a_frame_is_accepted_when_its_camera_moved_or_turned(
     second: NDArray[np.float64], accepted: bool
 ) -> None:
     selector = KeyframeSelector(CONFIG)
-    assert selector.accept(pose())
-    assert selector.accept(second) is accepted
+    assert selector.accept(pose(), 0.0)
+    assert selector.accept(second, 0.1) is accepted
 
 
 def test_slow_motion_adds_up() -> None:
     selector = KeyframeSelector(CONFIG)
-    accepted = [selector.accept(pose(x=0.04 * i)) for i in range(7)]
+    accepted = [selector.accept(pose(x=0.04 * i), 0.1 * i) for i in range(7)]
     assert accepted == [True, False, False, True, False, False, True]
 
 
 def test_thresholds_of_zero_accept_every_frame() -> None:
     selector = KeyframeSelector(KeyframeConfig(min_distance=0, min_angle_deg=0))
-    assert all(selector.accept(pose()) for _ in range(3))
+    assert all(selector.accept(pose(), 0.1 * i) for i in range(3))
+
+
+def test_a_camera_at_rest_looks_again_less_and_less_often() -> None:
+    selector = KeyframeSelector(CONFIG)
+    looks = [t for t in range(250) if selector.accept(pose(), float(t))]
+    assert looks == [0, 1, 3, 7, 15, 31, 63, 123, 183, 243]
+    assert selector.accept(pose(x=1.0), 250.0)
+    assert not selector.accept(pose(x=1.0), 250.5)
+    assert selector.accept(pose(x=1.0), 251.0)  # from the beginning, as it has moved
+
+
+def test_a_clock_that_jumps_back_does_not_blind_a_camera_at_rest() -> None:
+    selector = KeyframeSelector(CONFIG)
+    assert selector.accept(pose(), 1000.0)
+    assert selector.accept(pose(), 10.0)
+    assert not selector.accept(pose(), 11.0)
+
+
+def test_a_camera_at_rest_that_goes_on_waits_first() -> None:
+    selector = KeyframeSelector(CONFIG)
+    selector.go_on_from(pose())
+    assert [t for t in range(4) if selector.accept(pose(), 100.0 + t)] == [1, 3]
+    selector.undo()
+    assert selector.accept(pose(), 103.0)
+
+
+def test_it_may_look_once_alone() -> None:
+    selector = KeyframeSelector(KeyframeConfig(look_again=0.0))
+    assert [t for t in range(100) if selector.accept(pose(), float(t))] == [0]
 
 
 @given(angle=st.floats(1e-9, np.pi), axis=st.tuples(*[st.floats(-1, 1)] * 3))

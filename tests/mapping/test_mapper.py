@@ -20,6 +20,7 @@ from hypermap.mapping.config import profile, to_dict
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.mapper import MappedFrame, Mapper
 from hypermap.mapping.recording_to_map import Progress, map_recording
+from hypermap.mapping.stages import KeyframeConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.perception.frame import Camera, RgbdFrame
@@ -127,7 +128,8 @@ def test_frames_whose_camera_has_not_moved_are_skipped() -> None:
         calls.append(of.stamp)
         return boxes(of)
 
-    mapper = Mapper(CONFIG, source)
+    config = dataclasses.replace(CONFIG, keyframes=KeyframeConfig(look_again=0.0))
+    mapper = Mapper(config, source)
     observations = [mapper.add(frame(i, x=0.02 * i)) for i in range(6)]
     assert [observation is None for observation in observations] == [
         *[False, True, True],
@@ -135,6 +137,14 @@ def test_frames_whose_camera_has_not_moved_are_skipped() -> None:
     ]
     assert calls == [0, 3]
     assert mapper.counts == Counts(used=2, skipped=4, unusable=0)
+
+
+def test_what_a_camera_at_rest_sees_is_mapped() -> None:
+    mapper = Mapper(CONFIG, boxes)
+    for i in range(4):
+        mapper.add(frame(i))
+    assert mapper.counts == Counts(used=3, skipped=1, unusable=0)
+    assert [one.name for one in mapper.hypermap()["semantic"].objects()] == ["box"]
 
 
 def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:

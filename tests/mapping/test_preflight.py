@@ -176,6 +176,12 @@ def test_poses_of_another_convention_are_reported_with_the_option_that_reads_the
         )
 
 
+def test_of_a_camera_at_rest_nothing_is_reported() -> None:
+    frames = [dataclasses.replace(room("robot")[20], stamp=i / 10) for i in range(30)]
+    pose = pose_from_rpy(0.3, 1.7, 0, 0, 0, 0.7)  # rounding must not look like a better match
+    assert wrong([frame.moved_to(compose(pose, frame.map_T_camera)) for frame in frames]) == {}
+
+
 def test_without_motion_the_floor_says_that_the_camera_hangs_upside_down() -> None:
     frames = [turned(frame, 180).moved_to(frame.map_T_camera) for frame in room()[::25]]
     found = wrong(frames)

@@ -185,7 +185,7 @@ class _ConfiguredRun:
 
     def add(self, frame: RgbdFrame) -> None:
         """Map a frame, which is the one that the looks are of."""
-        if self._keyframes.accept(frame.map_T_camera):
+        if self._keyframes.accept(frame.map_T_camera, frame.stamp):
             self._map.update(self._looks.observation(self._config))
 
     def objects(self) -> list[SemanticObject]:

@@ -117,7 +117,7 @@ class LookedAtAhead(SameRecording):
 
     def _send(self, pending: PendingFrame) -> _Sent:
         pose = pending.map_T_camera
-        is_keyframe = pose is None or self._expected.accept(pose)
+        is_keyframe = pose is None or self._expected.accept(pose, pending.stamp)
         return _Sent(pending, is_keyframe, self._submit(pending, is_keyframe))
 
     def _submit(self, pending: PendingFrame, is_keyframe: bool) -> Future[Looked]:
@@ -132,7 +132,7 @@ class LookedAtAhead(SameRecording):
             looked.frame is not None
             and looked.is_usable
             and looked.error is None
-            and self._decided.accept(looked.frame.map_T_camera)
+            and self._decided.accept(looked.frame.map_T_camera, looked.frame.stamp)
         )
         if is_keyframe != first.is_keyframe:
             self._expect_anew(sent)
@@ -147,8 +147,8 @@ class LookedAtAhead(SameRecording):
         """Let workers look at those frames that will be keyframes after all."""
         self._expected = copy.copy(self._decided)
         for each in sent:
-            pose = each.pending.map_T_camera
-            if pose is not None and self._expected.accept(pose) and not each.is_keyframe:
+            pose, stamp = each.pending.map_T_camera, each.pending.stamp
+            if pose is not None and self._expected.accept(pose, stamp) and not each.is_keyframe:
                 each.is_keyframe, each.future = True, self._submit(each.pending, True)
 
     def _log_warnings(self, looked: Looked) -> None:

@@ -159,7 +159,7 @@ _PROFILES: Mapping[str, MappingConfig] = {
             min_probability=0.0,
             moves=False,
         ),
-        keyframes=KeyframeConfig(min_distance=0.02, min_angle_deg=1.0),
+        keyframes=KeyframeConfig(min_distance=0.02, min_angle_deg=1.0, look_again=0.0),
         alignment=AlignmentConfig(enabled=False),
     ),
 }

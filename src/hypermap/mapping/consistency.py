@@ -39,6 +39,7 @@ _TELLING_MOVE, _TELLING_ANGLE = 0.3, 0.15  # meters and rad between images whose
 _JUDGED_EVERY = 12  # frames
 _SURE_GAIN = 2.0  # standard errors; from such a gain or loss, a verdict is sure
 _SURE = 3.0  # standard errors by which the mean difference must be smaller
+_LEAST_GAIN = 0.02  # of the difference over its cap; less is rounding, as of a camera at rest
 _OFFSETS = np.linspace(-0.78, 0.78, 27)  # seconds
 _REACH = 0.9  # seconds before and after an image for which poses must be known
 _FINE_OFFSETS = np.linspace(-0.04, 0.04, 5)
@@ -208,7 +209,7 @@ class Consistency:
             if convention != OPTICAL
         }
         best, least = PoseReading(), self._difference(poses, poses)
-        least = math.inf if least is None else _CLEARLY * least
+        least = math.inf if least is None else _CLEARLY * least - _LEAST_GAIN
         for reading, other in others.items():
             mean, as_recorded = self._difference(other, other), self._difference(poses, other)
             if mean is not None and as_recorded is not None:
@@ -413,5 +414,8 @@ def _best(
         return None
     gains = [costs_at(value)[agree] - fine[best] for value in (as_recorded, *others)]
     errors = [float(gain.std(ddof=1)) / math.sqrt(len(gain)) for gain in gains]
-    is_sure = all(gain.mean() > _SURE * error for gain, error in zip(gains, errors, strict=True))
+    is_sure = all(
+        gain.mean() > max(_SURE * error, _LEAST_GAIN)
+        for gain, error in zip(gains, errors, strict=True)
+    )
     return Fit(float(near[best]), is_sure)

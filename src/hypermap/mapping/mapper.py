@@ -255,7 +255,7 @@ class Mapper:
         elif self._earlier.with_frame(frame) is not None:
             self.keyframes.go_on_from(frame.map_T_camera)
             self._count(repeated=1)
-        elif not self.keyframes.accept(frame.map_T_camera):
+        elif not self.keyframes.accept(frame.map_T_camera, frame.stamp):
             self._count(skipped=1)
         else:
             return True

@@ -14,14 +14,18 @@ class KeyframeConfig:
     Attributes:
         min_distance: distance between camera positions [m].
         min_angle_deg: angle between camera orientations [degrees].
+        look_again: after how long a camera at rest gives the next keyframe [s]; then after twice
+            as long, and so on up to a minute; 0 for never.
     """
 
     min_distance: float = 0.05
     min_angle_deg: float = 2.0
+    look_again: float = 1.0
 
     def __post_init__(self) -> None:
         _check(self, "min_distance", low=0)
         _check(self, "min_angle_deg", low=0, high=180)
+        _check(self, "look_again", low=0)
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from hypermap.perception.recording import (
     SameRecording,
 )
 
-_KEYFRAMES = KeyframeConfig(min_distance=0.1, min_angle_deg=5.0)
+_KEYFRAMES = KeyframeConfig(min_distance=0.1, min_angle_deg=5.0, look_again=0.0)
 _FEWEST_MATCHES = 5
 _BETTER = 5.0  # times smaller must the errors of matches be with corrected poses
 _CAP = 100.0  # of a squared Mahalanobis distance
@@ -157,7 +157,7 @@ class _Collected:
     def add(self, frame: RgbdFrame) -> None:
         """Add a usable frame."""
         self._poses[frame.stamp] = frame.map_T_camera
-        if self._keyframes.accept(frame.map_T_camera):
+        if self._keyframes.accept(frame.map_T_camera, frame.stamp):
             self._building.add(View.of(frame))
             self._consistency.add(frame)
 
