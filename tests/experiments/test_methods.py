@@ -192,7 +192,7 @@ def test_of_two_packages_with_a_method_of_one_name_none_is_taken(installed: Path
 
 def test_what_a_method_maps_does_not_depend_on_other_methods() -> None:
     other = profile("default")
-    sparse = replace(other, keyframes=KeyframeConfig(min_distance=9.0))
+    sparse = replace(other, keyframes=KeyframeConfig(min_distance=9.0, look_again=0.0))
     mapped = map_drive(drive(), {"other": other, "sparse": sparse})
     alone = map_drive(drive(), {"sparse": sparse})
     assert mapped.poses["sparse"] == alone.poses["sparse"]

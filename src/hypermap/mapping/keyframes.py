@@ -63,8 +63,8 @@ class KeyframeSelector:
 
     def go_on_from(self, map_T_camera: NDArray[np.float64] | None) -> None:
         """Compare the next pose with this one, shape (4, 4); None to accept any."""
-        known = map_T_camera is not None
-        self._last = _Keyframe(map_T_camera, None, self.config.look_again) if known else None
+        wait = self.config.look_again
+        self._last = None if map_T_camera is None else _Keyframe(map_T_camera, None, wait)
         self._before = self._last
 
     def undo(self) -> None:
