@@ -40,6 +40,28 @@ def test_the_columns_may_stand_in_any_order_and_the_field_names_one(tmp_path):
     assert np.isnan(measured.samples.stamps).all()
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "X,Y,Value\n1.5,2,20.5\n",
+        "x;y;value\n1,5;2;20,5\n",  # a spreadsheet where a comma is the decimal point
+        "x;y;value\r\n1.5;2;20.5\r\n",
+        "x\ty\tvalue\n1.5\t2\t20.5\n",
+    ],
+)
+def test_a_table_may_come_from_a_spreadsheet(tmp_path, text):
+    samples = read_table(write(tmp_path, text)).samples
+    assert samples.points_xy.tolist() == [[1.5, 2]]
+    assert samples.values.tolist() == [20.5]
+
+
+def test_of_two_columns_that_differ_in_case_the_exact_name_counts(tmp_path):
+    path = write(tmp_path, "RSSI,rssi,X,x,y,Y\n1,2,3,4,5,6\n")
+    samples = read_table(path, "rssi").samples
+    assert samples.points_xy.tolist() == [[4, 5]]
+    assert samples.values.tolist() == [2]
+
+
 def test_what_was_not_heard_is_left_out_or_below_a_limit(tmp_path):
     path = write(tmp_path, "x,y,value\n0,0,-60\n1,0,\n2,0,NaN\n3,0,-97\n4,0,inf\nnan,0,1\n")
     plain = read_table(path)
@@ -69,6 +91,8 @@ def test_a_trajectory_says_where_samples_with_stamps_were_taken(tmp_path):
         ("", "names no column 'value', it has nothing"),
         ("x,y,temp\n1,2,3\n", "names no column 'value', it has x, y, temp; name that of the"),
         ("stamp,value\n1,2\n", "names no column 'x', in meters; of samples with stamps, name the"),
+        ("1,2,20.5\n3,4,21\n", "the first line must name the columns, such as x,y,value"),
+        ("x y value\n1 2 3\n", "separate columns by commas, semicolons or tabs"),
         ("x,y,value\n", "there are no samples in it"),
         ("x,y,value\n1,2\n", "line 2: has 2 cells, the first line 3"),
         ("x,y,value\n1,2,3\n1,2,warm\n", "line 3: value: 'warm' is not a number"),

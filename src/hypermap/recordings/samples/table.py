@@ -31,7 +31,8 @@ def read_table(
     """Return the samples of a CSV file whose first line names the columns.
 
     The columns are `x` and `y` [m] and, if it is known, `stamp` [s]; without `x` and `y`, `stamp`
-    and a motion say where the sensor was. Empty cells and NaN are not values.
+    and a motion say where the sensor was. Empty cells and NaN are not values. Cells are separated
+    by commas or tabs, or by semicolons, as spreadsheets do where a comma is the decimal point.
 
     Args:
         path: the file.
@@ -50,18 +51,20 @@ def read_table(
         raise FileMissing(f"{path}: there is no such file")
     with path.open(encoding="utf-8-sig", newline="") as file:
         try:
-            rows = csv.reader(file, strict=True)
+            delimiter = _delimiter(file.readline())
+            file.seek(0)
+            rows = csv.reader(file, delimiter=delimiter, strict=True)
             names = [name.strip() for name in next(rows, [])]
             wanted = _columns(names, field or VALUE, path, motion is not None)
-            columns = _read(rows, names, wanted, path)
+            columns = _read(rows, names, wanted, path, has_commas=delimiter == ";")
         except UnicodeDecodeError:
             raise FormatError("this is not a text file", path=path) from None
         except csv.Error as error:
             raise FormatError(f"is not a CSV file: {error}", path=path) from None
     if not len(columns[0]):
         raise FormatError("there are no samples in it, only the names of columns", path=path)
-    by_name = dict(zip(wanted, columns, strict=True))
-    values = np.frombuffer(by_name[field or VALUE])
+    by_name = dict(zip((VALUE, *map(str.lower, wanted[1:])), columns, strict=True))
+    values = np.frombuffer(by_name[VALUE])
     stamps = np.frombuffer(by_name["stamp"]) if "stamp" in by_name else np.full(len(values), np.nan)
     if motion is not None:
         points = sensor_positions(motion, stamps)
@@ -71,9 +74,25 @@ def read_table(
     return checked(points, values, stamps, censored_below=censored_below)
 
 
+def _delimiter(first_line: str) -> str:
+    """Return what separates the names of the columns."""
+    return max(",", ";", "\t", key=first_line.count)
+
+
 def _columns(names: Sequence[str], value: str, path: Path, is_posed: bool) -> list[str]:
-    """Return the names of the columns to read."""
-    if value not in names:
+    """Return the names of the columns to read, that of the values first."""
+    if names and all(map(_is_number, names)):
+        raise FormatError(
+            "the first line must name the columns, such as x,y,value; it has numbers", path=path
+        )
+    known = {name.lower(): name for name in reversed(names)} | {name: name for name in names}
+    if len(names) == 1 and " " in names[0]:
+        raise FormatError(
+            f"the first line names one column, {names[0]!r}; separate columns by commas, "
+            "semicolons or tabs",
+            path=path,
+        )
+    if value not in known and value.lower() not in known:
         listed = ", ".join(names[:12])
         raise FormatError(
             f"the first line names no column {value!r}, it has {listed or 'nothing'}; "
@@ -82,15 +101,19 @@ def _columns(names: Sequence[str], value: str, path: Path, is_posed: bool) -> li
         )
     needed = ["stamp"] if is_posed else ["x", "y"]
     for name in needed:
-        if name not in names:
+        if name not in known:
             remedy = "which tells the pose" if is_posed else _NO_PLACE
             raise FormatError(f"the first line names no column {name!r}, {remedy}", path=path)
-    also = ["stamp"] if "stamp" in names and not is_posed else []
-    return [value, *needed, *also]
+    also = ["stamp"] if "stamp" in known and not is_posed else []
+    return [known.get(value) or known[value.lower()], *(known[name] for name in (*needed, *also))]
 
 
 def _read(
-    rows: Iterator[list[str]], names: Sequence[str], wanted: Sequence[str], path: Path
+    rows: Iterator[list[str]],
+    names: Sequence[str],
+    wanted: Sequence[str],
+    path: Path,
+    has_commas: bool,
 ) -> list[array[float]]:
     """Return the columns; a table may have very many rows, so they are kept as arrays."""
     places = [names.index(name) for name in wanted]
@@ -105,8 +128,17 @@ def _read(
                 key=f"line {number}",
             )
         for column, place in zip(columns, places, strict=True):
-            column.append(_number(row[place], names[place], path, number))
+            text = row[place].replace(",", ".") if has_commas else row[place]
+            column.append(_number(text, names[place], path, number))
     return columns
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _number(text: str, name: str, path: Path, line: int) -> float:
