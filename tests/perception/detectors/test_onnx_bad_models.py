@@ -152,6 +152,13 @@ def test_a_file_of_another_kind_is_an_error(tmp_path: Path) -> None:
         OnnxDetector.load(path)
 
 
+def test_of_a_checkpoint_it_is_said_how_to_export_it(tmp_path: Path) -> None:
+    path = tmp_path / "best.pt"
+    path.write_bytes(b"PK\x03\x04")
+    with pytest.raises(FormatError, match=r"\.pt file, not ONNX; .*model=best\.pt format=onnx"):
+        OnnxDetector.load(path)
+
+
 def test_a_missing_file_and_a_folder_are_distinguished(tmp_path: Path) -> None:
     with pytest.raises(FileMissing, match=r"no\.onnx: there is no such model$"):
         OnnxDetector.load(tmp_path / "no.onnx")

@@ -79,6 +79,7 @@ def test_nothing_recorded_has_nothing_to_say() -> None:
     assert len(RecordedDetections().at(1.0)) == 0
 
 
+SHAPE = '{"frames": {STAMP: [{"box": [xmin, ymin, xmax, ymax], "name": "cup", "score": 0.9}]}}'
 MASK = {"size": [2, 3], "counts": [1, 2, 3]}
 
 
@@ -119,9 +120,13 @@ def test_a_bad_object_is_named_by_file_frame_and_number(
         ("", "Invalid JSON: EOF while parsing a value at line 1 column 0"),
         ('{"frames": {', "Invalid JSON: EOF while parsing an object at line 1 column 12"),
         ("[" * 100_000, "Invalid JSON: recursion limit exceeded at line 1 column 202"),
-        ([], "Input should be an object"),
-        ({}, "frames: Field required"),
-        ({"frames": [CUP]}, "frames: Input should be an object"),
+        ([], f"Input should be an object; expected {SHAPE}"),
+        ({}, f"frames: Field required; expected {SHAPE}"),
+        ({"frames": [CUP]}, f"frames: Input should be an object; expected {SHAPE}"),
+        (
+            {"frames": {"1": [{"bbox": [1, 2, 3, 4]}]}},
+            "frame 1: object 0: box: Field required; an object has box, name and score",
+        ),
         ({"frames": {"1": CUP}}, "frame 1: Input should be a valid array"),
         ({"frames": {"first": []}}, "frame first: the key of a frame is its stamp in seconds"),
         ({"frames": {"nan": []}}, "frame nan: the stamp must be a finite number, got nan"),

@@ -18,6 +18,8 @@ from hypermap.perception.detectors.labels import parse_literal
 DEFAULT_SIDE = 640  # for a network that takes any size and does not name one
 MAX_SIDE = 8192
 INPUT_TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+# In which networks are trained, or run by other programs:
+_OTHER_FORMATS = {".pt", ".pth", ".ckpt", ".safetensors", ".engine", ".tflite", ".pb", ".h5"}
 SIZE_INPUT = "orig_target_sizes"  # of RT-DETR and D-FINE: columns and rows that boxes refer to
 
 
@@ -113,6 +115,12 @@ def open_session(path: Path, threads: int | None) -> Any:
         )
     except Exception as error:  # ONNX Runtime's errors have no common class of their own
         refuse_pointer(path)
+        if path.suffix.lower() in _OTHER_FORMATS:
+            raise FormatError(
+                f"a {path.suffix} file, not ONNX; export the network first, as with `yolo export "
+                f"model={path.name} format=onnx` (docs/detectors.md)",
+                path=path,
+            ) from error
         raise FormatError(
             f"not a complete ONNX model that can be run here: {_reason(error)}", path=path
         ) from error

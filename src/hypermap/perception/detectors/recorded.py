@@ -15,6 +15,7 @@ from __future__ import annotations
 import logging
 import math
 from bisect import bisect_left, insort
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,6 +32,8 @@ logger = logging.getLogger(__name__)
 STAMP_TOLERANCE = 1e-3  # [s]; stamps written as text are rounded
 MAX_BYTES = 1 << 30
 MAX_SIDE = 1 << 14  # [pixels] of an image
+
+_SHAPE = '{"frames": {STAMP: [{"box": [xmin, ymin, xmax, ymax], "name": "cup", "score": 0.9}]}}'
 
 _Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
 _Coordinate = Annotated[float, Field(ge=-MAX_SIDE, le=2 * MAX_SIDE, allow_inf_nan=False)]
@@ -113,8 +116,7 @@ class RecordedDetections:
             content = _File.model_validate_json(path.read_bytes())
         except ValidationError as error:
             first = error.errors()[0]
-            message = first["msg"].removeprefix("Value error, ")
-            raise FormatError(message, path=path, key=_key_of(first["loc"])) from error
+            raise FormatError(_problem(first), path=path, key=_key_of(first["loc"])) from error
 
         recorded = cls(content.image_size, path)
         key = ""
@@ -210,6 +212,16 @@ def _stamp_of(key: str) -> float:
         return float(key)
     except ValueError:
         raise ValueError("the key of a frame is its stamp in seconds") from None
+
+
+def _problem(error: Mapping[str, Any]) -> str:
+    """Return what is wrong, in words."""
+    message = str(error["msg"]).removeprefix("Value error, ")
+    if error["loc"] in ((), ("frames",)) and error["type"] != "json_invalid":
+        message += f"; expected {_SHAPE}"
+    elif error["type"] == "missing" and error["loc"][-1] in ("box", "name", "score"):
+        message += "; an object has box, name and score"
+    return message
 
 
 def _key_of(location: tuple[Any, ...]) -> str | None:
