@@ -176,6 +176,14 @@ def test_poses_of_another_convention_are_reported_with_the_option_that_reads_the
         )
 
 
+def test_a_convention_that_was_given_wrongly_is_not_advised_again() -> None:
+    options = RecordingOptions(pose_convention="opengl")
+    frames = [frame.moved_to(options.poses_in_map(frame.map_T_camera)) for frame in room()[:60]]
+    finding = wrong(frames, pose_convention="opengl")["poses"]
+    assert "do not match" in finding.measured
+    assert finding.remedy.startswith("leave --pose-convention out")
+
+
 def test_of_a_camera_at_rest_nothing_is_reported() -> None:
     frames = [dataclasses.replace(room("robot")[20], stamp=i / 10) for i in range(30)]
     pose = pose_from_rpy(0.3, 1.7, 0, 0, 0, 0.7)  # rounding must not look like a better match

@@ -284,7 +284,11 @@ def _checks(path: Path, options: RecordingOptions) -> list[dict[str, Any]]:
     from hypermap.mapping.preflight import Preflight
 
     found: list[Finding] = []
-    preflight = Preflight(found.append, map_T_world=options.world_pose())
+    preflight = Preflight(
+        found.append,
+        map_T_world=options.world_pose(),
+        pose_convention=options.pose_convention,
+    )
     for frame in islice(usable_frames(path, options), IN_A_ROW):
         preflight.add(frame)
     for frame in usable_frames(path, options, SPREAD):

@@ -275,7 +275,12 @@ def _run(
     from hypermap.mapping.preflight import Preflight
 
     name, notes = job.corrected.recording.path.name, PreflightNotes()
-    preflight = Preflight(notes.add, job.settings.perception.max_depth, options.world_pose())
+    preflight = Preflight(
+        notes.add,
+        job.settings.perception.max_depth,
+        options.world_pose(),
+        options.pose_convention,
+    )
     with (
         stop_on_signal() as stop,
         logging_to(log, name, job.corrected.recording.frame_id) as logged,

@@ -75,6 +75,7 @@ class Preflight:
         max_depth: depth beyond which objects are ignored [m].
         map_T_world: pose of the recording's world frame given by its options, shape (4, 4); the
             leveling pose is composed with it.
+        pose_convention: by which the poses were read.
     """
 
     def __init__(
@@ -82,7 +83,9 @@ class Preflight:
         report: Callable[[Finding], None] | None = None,
         max_depth: float = 5.0,
         map_T_world: NDArray[np.float64] | None = None,
+        pose_convention: str = OPTICAL,
     ) -> None:
+        self._pose_convention = pose_convention
         self._report = report or _warn
         self._map_T_world = np.eye(4) if map_T_world is None else map_T_world
         self._floor = FloorSampler()
@@ -139,7 +142,7 @@ class Preflight:
         mounted = (
             self._upright(floor, is_upside_down, reading.turn_deg)
             if reading.convention == OPTICAL
-            else _other_convention(reading.convention)
+            else _other_convention(reading.convention, self._pose_convention)
         )
         return [f for f in (*found, *undecided, mounted) if f is not None]
 
@@ -279,13 +282,14 @@ def _unseen_floor(turned: int) -> Finding:
     )
 
 
-def _other_convention(convention: str) -> Finding:
-    return Finding(
-        "poses",
-        f"images match only if the recorded poses are {CONVENTIONS[convention]}",
-        "each image puts things in another place, and the map makes no sense",
-        f"give --pose-convention {convention}",
-    )
+def _other_convention(convention: str, given: str) -> Finding:
+    measured = f"images match only if the recorded poses are {CONVENTIONS[convention]}"
+    remedy = f"give --pose-convention {convention}"
+    if given != OPTICAL:
+        measured = f"images do not match if the recorded poses are {CONVENTIONS[given]}"
+        remedy = "leave --pose-convention out: the check then says which one fits"
+    effect = "each image puts things in another place, and the map makes no sense"
+    return Finding("poses", measured, effect, remedy)
 
 
 def _unregistered(camera: ColorCamera) -> Finding:
