@@ -14,6 +14,7 @@ from hypermap.core.trajectory import pose_from_rpy
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map
 from hypermap.perception.frame import RgbdFrame
+from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.ros1.messages import message_class
 
@@ -104,3 +105,13 @@ def test_a_wrong_text_is_refused_at_the_start() -> None:
     given = {"depth_topic": "/depth", "detections_topic": "/found", "values": ["/warm,unit"]}
     with pytest.raises(HypermapError, match="unit needs a text"):
         LiveSettings.of(given, {})
+
+
+def test_a_layer_goes_on_after_a_pause_of_the_node() -> None:
+    live_map = LiveMap(LiveSettings(depth_topic="/depth", detections_topic="/found"))
+    layer = live_map.begin_values("temperature", "temperature", "°C")
+    with pytest.raises(HypermapError, match="there is a layer 'temperature' already"):
+        live_map.begin_values("temperature", "temperature", "°C")
+    live_map.end_values("temperature")
+    assert live_map.begin_values("temperature", "temperature", "°C") is layer
+    assert live_map.values == [layer]

@@ -61,6 +61,7 @@ class LiveMap:
         self._given: OccupancyLayer | None = None
         self._lock = threading.Lock()
         self.values: list[GrowingLayer] = []
+        self._grow: set[str] = set()  # names of those that samples come for now
         self._onto = onto
         self._mapper = self._new_mapper() if onto is None else self._going_on(settings, onto)
 
@@ -106,7 +107,9 @@ class LiveMap:
         return Fate.UNUSABLE, "it is too far away", None
 
     def begin_values(self, name: str, quantity: str, unit: str) -> GrowingLayer:
-        """Return a new layer of measured values, which continues that of the map to go on with.
+        """Return a layer of measured values: that of before a pause, or a new one.
+
+        A new one continues that of the map to go on with.
 
         Args:
             name: of the layer.
@@ -119,10 +122,14 @@ class LiveMap:
         from hypermap.values.growing import GrowingLayer
         from hypermap.values.on_map import known_layer, method_of, samples_of
 
-        if name in (*_OWN_LAYERS, *(layer.name for layer in self.values)):
+        if name in (*_OWN_LAYERS, *self._grow):
             raise HypermapError(
                 f"there is a layer {name!r} already; give the quantity another name"
             )
+        self._grow.add(name)
+        for before in self.values:
+            if before.name == name:
+                return before
         known = None if self._onto is None else known_layer(self._onto, name)
         if known is None or known.samples is None or self._onto is None:
             layer = GrowingLayer(name, self._frame_id, quantity, unit)
@@ -139,6 +146,10 @@ class LiveMap:
             )
         self.values.append(layer)
         return layer
+
+    def end_values(self, name: str) -> None:
+        """Let a layer of measured values be begun again, as once the node is active again."""
+        self._grow.discard(name)
 
     def unit_of_values(self, name: str) -> str:
         """Return the unit of a layer of the map to go on with; empty where there is none."""

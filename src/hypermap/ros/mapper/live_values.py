@@ -195,6 +195,7 @@ class _Quantity:
         self.take()
         if self._layer.is_new:
             self._solve(live_map)
+        live_map.end_values(self._layer.name)
 
     def _message(self, kind: Kind) -> Message:
         layer = self._layer.layer() or ValueLayer(self._layer.name, self._map_frame)
