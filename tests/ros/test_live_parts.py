@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock
@@ -12,8 +13,10 @@ import pytest
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry
+from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import pose_from_rpy
+from hypermap.formats import open_map, save_map
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.ros.mapper.diagnostics import diagnostic_array
@@ -21,6 +24,7 @@ from hypermap.ros.mapper.frames import FrameMaker
 from hypermap.ros.mapper.inputs import QueuedFrame
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.mailbox import Mailbox
+from hypermap.ros.mapper.saving import Saving
 from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.mapper.settings import PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import WINDOW, Fate, State, Statistics
@@ -224,6 +228,25 @@ def test_a_map_of_another_node_is_a_change_and_outlives_what_was_seen() -> None:
     assert live.revision > before  # else it would not be saved at the end
     live.clear()
     assert live.hypermap()["occupancy"] is given
+
+
+def test_a_pause_does_not_replace_the_backup_of_the_users_map(tmp_path: Path) -> None:
+    file = tmp_path / "office.hmap"
+    users = Hypermap()
+    users.metadata["note"] = "the user's"
+    save_map(users, file)
+    settings = LiveSettings(
+        depth_topic="/depth", detections_topic="/boxes", save_to=str(file), save_every=0.0
+    )
+    live = LiveMap(settings)
+    versions = []
+    for _ in range(2):  # activated, deactivated and activated again
+        saving = Saving(MagicMock(), settings, live, Throttle(lambda *_: None))
+        saving.store("")
+        saving.close()
+        versions.append(open_map(file).metadata["map_version"])
+    assert open_map(tmp_path / "office.hmap.bak").metadata["note"] == "the user's"
+    assert versions == [versions[0], versions[0] + 1]
 
 
 def test_others_are_answered_while_a_detector_looks(monkeypatch: pytest.MonkeyPatch) -> None:

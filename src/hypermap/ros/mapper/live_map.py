@@ -43,6 +43,8 @@ class LiveMap:
         config: how mapping is done.
         revision: grows with every change by frames.
         values: the layers of what other sensors measure.
+        files: those in which the node has saved it.
+        saves: how often it has.
     """
 
     def __init__(self, settings: LiveSettings) -> None:
@@ -55,6 +57,8 @@ class LiveMap:
         onto = _map_to_go_on_with(settings)
         self.config = _config(settings, onto)
         self.revision = 0
+        self.files: set[Path] = set()
+        self.saves = 0
         self._frame_id = settings.map_frame.strip("/")
         self._source = self._beside_others(_source(settings, self.config))
         self._makes_occupancy = settings.occupancy and not settings.map_topic

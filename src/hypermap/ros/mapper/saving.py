@@ -19,7 +19,8 @@ from hypermap.ros.throttle import Throttle
 class Saving:
     """Saves a live map, so that a node that is killed has lost little.
 
-    What lay in a file before the node saved there for the first time stays next to it, as NAME.bak.
+    What lay in a file before the node saved there for the first time stays next to it, as NAME.bak,
+    also if the node is deactivated and activated in between.
     """
 
     def __init__(
@@ -33,8 +34,6 @@ class Saving:
         self._directory = settings.map_directory
         self._every = settings.save_every
         self._saved_state = live_map.state
-        self._saves = 0
-        self._own: set[Path] = set()  # files that this node has made
         self._lock = threading.Lock()
         self._ends = threading.Event()
         # The wall's clock: that of a simulator or a bag may stand still.
@@ -61,7 +60,7 @@ class Saving:
             return
         default = Path.cwd() if self._path is None else self._path.parent
         path = archive_within(Path(self._directory or default).absolute(), filename)
-        if not self._directory and path.exists() and path not in {self._path, *self._own}:
+        if not self._directory and path.exists() and path not in {self._path, *self._map.files}:
             raise HypermapError(
                 f"{path} exists already: choose another name, or set map_directory, the folder "
                 "in which maps may be replaced"
@@ -90,7 +89,7 @@ class Saving:
             if not self._map.is_new or self._map.state == self._saved_state:
                 continue
             try:
-                self._save(self._path, "debug" if self._path in self._own else "info")
+                self._save(self._path, "debug" if self._path in self._map.files else "info")
             except Exception as error:  # perhaps the disk has room again the next time
                 self._log.log("error", "saving", f"the map is not saved: {error}; trying again")
 
@@ -98,13 +97,13 @@ class Saving:
         with self._lock:  # an older map must not replace a newer one
             state = self._map.state
             hypermap = self._map.hypermap()
-            hypermap.metadata[MAP_VERSION] += self._saves
-            self._saves += 1
-            if path in self._own:
+            hypermap.metadata[MAP_VERSION] += self._map.saves
+            self._map.saves += 1
+            if path in self._map.files:
                 save_map(hypermap, path)
             elif backup := save_with_backup(hypermap, path, spare_edited=True):
                 self._port.log("warning", f"{path} was there before; it stays as {backup}")
-            self._own.add(path)
+            self._map.files.add(path)
             if path == self._path:
                 self._saved_state = state
         objects = len(hypermap.semantic())
