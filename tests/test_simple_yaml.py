@@ -20,6 +20,9 @@ HOSTILE = {
     "deep": "[" * 3000 + "]" * 3000,
     "a long number": "k: {a: " + "9" * 5000 + "}",
     "no date": "k: {a: 2020-99-99}",
+    "a long time": "k: {a: 1" + ":59" * 300 + ".5}",
+    "no number": "k: {a: !!int ''}",
+    "no word for yes": "k: {a: !!bool kitchen}",
     "code": "!!python/object/apply:os.system [id]",
 }
 hostile = pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
