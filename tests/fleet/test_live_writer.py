@@ -112,15 +112,19 @@ def test_a_file_that_is_no_spool_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", ["[]", "7", '{"objects": "{}"}', "[" * 100_000, '{"removed": ["x"]}']
+    "wrong",
+    ["[]", "7", '{"objects": "{}"}', "[" * 100_000, '{"removed": ["x"]}', b"{\xff}"],
+    ids=["list", "number", "objects", "deep", "removed", "no UTF-8"],
 )
-def test_an_entry_that_says_nothing_is_damage(tmp_path: Path, wrong: str) -> None:
+def test_an_entry_that_says_nothing_is_damage(tmp_path: Path, wrong: str | bytes) -> None:
     spool = Spool(tmp_path / "spool")
     with sqlite3.connect(tmp_path / "spool") as file:
-        file.execute("INSERT INTO waiting (content) VALUES (?)", (wrong,))
+        file.execute("INSERT INTO waiting (content) VALUES (CAST(? AS TEXT))", (wrong,))
     file.close()
     with pytest.raises(HypermapError, match="spool: entry 1: is damaged"):
         spool.first()
+    spool.set_aside(1, "damage")
+    assert spool.aside == 1
     spool.close()
 
 
@@ -248,6 +252,8 @@ def test_what_the_store_refuses_is_set_aside_and_the_rest_is_stored(
     spool, troubles = Spool(tmp_path / "spool"), []
     cups = [square("cup", float(2 * n), 0, id=n) for n in range(4)]
     cups[2] = square("a cup\0", 4, 0, id=2)  # text of PostgreSQL has no NUL
+    long = np.random.default_rng(0).bytes(5000).hex()  # cannot be compressed to fit into an index
+    cups[3] = square(long, 6, 0, id=3)
     spool.put(Observed(site, "semantic", "anna", cups))
     spool.put(Observed(site, "semantic", "anna", [square("mug", 9, 0, id=9)]))
     with contextlib.closing(sqlite3.connect(spool.path)) as file, file:
@@ -257,17 +263,50 @@ def test_what_the_store_refuses_is_set_aside_and_the_rest_is_stored(
     wait_until(lambda: len(spool) == 0)
     assert delivery.close() == 0
     names = sorted(item.name for item in pull(database, site).semantic())
-    assert names == ["bowl", "cup", "cup", "cup", "mug"]
-    assert spool.aside == 2
+    assert names == ["bowl", "cup", "cup", "mug"]
+    assert spool.aside == 3
     spool.close()
-    assert len(troubles) == 2
+    assert len(troubles) == 3
     assert all("this was set aside in the table `refused`" in trouble for trouble in troubles)
     again: list[str] = []
     LiveWriter(lambda: (mapped(0, 1), None), NOWHERE, spool.path, "anna", again.append).close()
     assert (
-        f"2 parts were refused by the store, in all runs; see table `refused` of {spool.path}"
+        f"3 parts were refused by the store, in all runs; see table `refused` of {spool.path}"
         in again
     )
+
+
+def test_what_a_store_refuses_for_now_waits(
+    store: str, site: str, database: Database, tmp_path: Path
+) -> None:
+    push(database, Hypermap([SemanticLayer("semantic", "map")]), site)
+    spool, troubles = Spool(tmp_path / "spool"), []
+    spool.put(Observed(site, "semantic", "anna", [square("cup", 0, 0, id=1)]))
+    read_only = f"{store}&options=-c%20default_transaction_read_only%3Don"  # as a standby is
+    delivery = Delivery(spool, parse_address(read_only), troubles.append)
+    wait_until(lambda: bool(troubles))
+    assert "read-only transaction; observations wait in" in troubles[0]
+    assert (delivery.close(), spool.aside) == (1, 0)
+    spool.close()
+
+
+def test_what_another_connection_is_storing_is_stored_once(
+    store: str, site: str, database: Database
+) -> None:
+    """A connection may be lost while the database still works on what it has heard."""
+    push(database, Hypermap([SemanticLayer("semantic", "map")]), site)
+    observed = Observed(site, "semantic", "anna", [square("cup", 0, 0, id=1)])
+    outcomes: list[object] = []
+    other = Database(parse_address(store))
+    again = threading.Thread(target=lambda: outcomes.append(apply_observed(other, observed)))
+    with database.transaction() as cursor:
+        apply_observed(database, observed)
+        again.start()
+        waits = "SELECT count(*) FROM pg_locks WHERE NOT granted"
+        wait_until(lambda: cursor.execute(waits).fetchall() != [(0,)])
+    again.join()
+    other.close()
+    assert outcomes == [{"added": 1}]
 
 
 def test_what_a_library_fails_at_again_and_again_is_set_aside(

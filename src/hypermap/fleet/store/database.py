@@ -25,12 +25,11 @@ __all__ = ["SCHEMA_VERSION", "Database", "connect", "errors", "psycopg", "reason
 SCHEMA_VERSION = "2"
 """The newest of `migrations/versions`, which this program reads and writes."""
 
-_OF_ITS_DISK = (errors.DataCorrupted, errors.IndexCorrupted)  # internal errors, too
+# PostGIS raises the last. Others of its kind are of the disk, or of a database that is read only.
 _OF_CONTENT = (
-    psycopg.DataError,
-    psycopg.IntegrityError,
-    psycopg.InternalError,
-)  # PostGIS: the last
+    *(psycopg.DataError, psycopg.IntegrityError, errors.ProgramLimitExceeded),
+    errors.InternalError_,
+)
 _OF_THE_QUESTION = ("LINE ", "^", "CONTEXT")
 _CONNECT_SECONDS = 10
 # No jit: it takes longer than a look-up by indexes.
@@ -157,6 +156,8 @@ class Database:
             yield
         except errors.InsufficientPrivilege as error:
             raise StoreError(f"{self.address.shown}: not allowed: {reason_of(error)}") from None
+        except _OF_CONTENT as error:
+            raise ContentRefused(f"{self.address.shown}: {reason_of(error)}") from None
         except (psycopg.OperationalError, psycopg.InterfaceError) as error:
             connection = self._connection
             if connection is None or connection.closed or connection.broken:
@@ -165,10 +166,8 @@ class Database:
                     f"{self.address.shown}: the database cannot be reached: {reason}"
                 ) from None
             raise StoreError(f"{self.address.shown}: {reason_of(error)}") from None
-        except _OF_ITS_DISK as error:
+        except psycopg.InternalError as error:
             raise StoreError(f"{self.address.shown}: {reason_of(error)}") from None
-        except _OF_CONTENT as error:
-            raise ContentRefused(f"{self.address.shown}: {reason_of(error)}") from None
         except UnicodeEncodeError as error:
             text = error.object[:60]
             raise ContentRefused(

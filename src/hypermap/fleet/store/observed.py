@@ -131,11 +131,12 @@ def apply_observed(database: Database, observed: Observed) -> Mapping[str, int]:
         StoreError: If this user may not write to the site.
     """
     with database.transaction() as cursor:
+        site_id, before = locked_site(cursor, database, observed.site)
+        # Not before: another connection, lost to us, may just be writing the same.
         cursor.execute("SELECT outcome FROM versions WHERE update_id = %s", (observed.id,))
         if done := cursor.fetchone():
             outcome: dict[str, int] = done[0]
             return outcome
-        site_id, before = locked_site(cursor, database, observed.site)
         layer_id = layer_to_write(cursor, site_id, observed.layer)
         writing = _Writing(cursor, layer_id, before + 1, observed)
         outcome = writing.run()

@@ -98,7 +98,9 @@ class Spool:
             DamagedEntry: If it cannot be read.
             HypermapError: If the file is damaged.
         """
-        rows = self._do("SELECT number, content FROM waiting ORDER BY number LIMIT 1")
+        rows = self._do(  # as bytes: damage need not be UTF-8
+            "SELECT number, CAST(content AS BLOB) FROM waiting ORDER BY number LIMIT 1"
+        )
         return (rows[0][0], _parse(rows[0][1], self.path, rows[0][0])) if rows else None
 
     def remove(self, number: int) -> None:
@@ -318,7 +320,7 @@ def _parse_cells(kept: Any) -> ChangedCells:
     return ChangedCells(str(kept["layer"]), str(kept["frame"]), grid, cells)
 
 
-def _parse(content: str, path: Path, number: int) -> Observed:
+def _parse(content: bytes, path: Path, number: int) -> Observed:
     try:
         kept = json.loads(content)
         layer = from_geojson(kept["objects"])

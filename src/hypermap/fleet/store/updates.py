@@ -73,12 +73,13 @@ def apply(database: Database, update: Update) -> Applied:
         StoreError: If this user may not write to the site.
     """
     with database.transaction() as cursor:
+        site_id, before = locked_site(cursor, database, update.site)
+        # Not before: another connection, lost to us, may just be writing the same.
         cursor.execute(
             "SELECT version, outcome -> 'ids' FROM versions WHERE update_id = %s", (update.id,)
         )
         if done := cursor.fetchone():
             return Applied(*done)
-        site_id, before = locked_site(cursor, database, update.site)
         layer_id = layer_to_write(cursor, site_id, update.layer)
         version = before + 1
         places = _check_seen(cursor, database, layer_id, update)
