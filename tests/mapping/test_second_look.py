@@ -35,13 +35,13 @@ def looked(stamp: float, shows: str | None, x: float = 0.0, reach: float = 6.0) 
 
 
 def look(*days: list[LoggedFrame]) -> SecondLook:
-    """Return a second look at drives a day apart."""
+    """Return a second look at drives, of which the log has all frames."""
     log = FrameLog()
     log.begin_part(MapBefore(TrackTable(20.0), np.zeros(2, np.int64), None))
     for frame in (frame for day in days for frame in day):
         seen = frame.observation
         log.add(seen.stamp, packed_frame(frame), seen.map_T_camera)
-    drives = [Drive(f"day {n}", n * DAY, n * DAY + 100, [1]) for n in range(len(days))]
+    drives = [Drive(f"day {n}", keys=[1] * len(day)) for n, day in enumerate(days)]
     return SecondLook(log, drives, profile("default"))
 
 
@@ -69,6 +69,19 @@ def test_the_last_drive_that_could_see_the_place_decides() -> None:
     assert look(frames(0, *SEEN), frames(1, *EMPTY), frames(2, *SEEN)).chance(CAME) < 0.01
     assert look(frames(0, *SEEN), aside).chance(LEFT) == 0
     assert look(frames(0, *SEEN)).chance(CAME) == 0  # there is no earlier drive
+
+
+def test_drives_whose_clocks_begin_at_zero_are_told_apart() -> None:
+    assert look(frames(0, *SEEN), frames(0, *EMPTY)).chance(LEFT) < 0.01
+    assert look(frames(0, *EMPTY), frames(0, *SEEN)).chance(CAME) < 0.01
+
+
+def test_the_log_may_have_lost_the_oldest_frames() -> None:
+    second = look(frames(0, *SEEN), frames(1, *EMPTY))
+    second.drives[0].keys.extend([1] * 1000)
+    assert second.chance(CAME) > 0.99
+    second.drives[1].keys.extend([1] * 1000)
+    assert second.chance(CAME) == 0
 
 
 def test_other_things_and_a_rare_false_detection_do_not_count() -> None:

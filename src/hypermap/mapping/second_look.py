@@ -51,21 +51,34 @@ class SecondLook:
         place, and one that is gone may still be there in the present drive. Before a drive could
         see the place, both are as likely; without one, the answer is 0.
         """
-        drives = self.drives[-2::-1] if change.kind == ADDED else self.drives[-1:]
-        for drive in drives:
-            shown, detected = self._looks(change.object, drive)
+        present, *earlier = self._rows_of_drives()
+        for rows in earlier if change.kind == ADDED else (present,):
+            shown, detected = self._looks(change.object, rows)
             if shown:
                 return _chance(shown, detected)
         return 0.0
 
-    def _looks(self, item: SemanticObject, drive: Drive) -> tuple[int, int]:
+    def _rows_of_drives(self) -> list[slice]:
+        """Return the rows of each drive's frames in the log, the newest drive first.
+
+        The log holds the newest frames of all drives. Stamps do not tell drives apart: those of
+        many recordings begin at 0.
+        """
+        end, found = len(self.log.frames), []
+        for drive in reversed(self.drives):
+            begin = max(0, end - len(drive.keys))
+            found.append(slice(begin, end))
+            end = begin
+        return found
+
+    def _looks(self, item: SemanticObject, rows: slice) -> tuple[int, int]:
         """Return how many frames of a drive could see an object, and how many of them detect it."""
         heights = [item.attributes.get(name) for name in ("z_min", "z_max")]
         if item.footprint.is_empty or not all(isinstance(one, int | float) for one in heights):
             return 0, 0
         samples, config = sample_points(PreparedPolygon.of(item.footprint)), self.config.evidence
         shown = detected = 0
-        for frame in self._frames_near(item, drive):
+        for frame in self._frames_near(item, rows):
             view = frame.observation.view
             if view is None or not frame.finds_objects:
                 continue
@@ -75,21 +88,19 @@ class SecondLook:
                 detected += _detects(frame, item)
         return shown, detected
 
-    def _frames_near(self, item: SemanticObject, drive: Drive) -> list[LoggedFrame]:
+    def _frames_near(self, item: SemanticObject, rows: slice) -> list[LoggedFrame]:
         """Return the frames of a drive within the range in which an object can be missed."""
-        stamps, poses = self.log.stamps, self.log.poses
+        contents, poses = self.log.frames[rows], self.log.poses[rows]
         x, y = item.footprint.centroid.coords[0]
         far = np.hypot(poses[:, 0, 3] - x, poses[:, 1, 3] - y)
-        is_near = (stamps >= drive.first) & (stamps <= drive.last)
-        rows = np.flatnonzero(is_near & (far <= self.config.evidence.max_range))
-        if len(rows) == 0:
+        near = np.flatnonzero(far <= self.config.evidence.max_range)
+        if len(near) == 0:
             return []
-        contents = self.log.frames
         try:
-            frames = unpacked_frames([contents[row] for row in rows], "the log of frames")
+            frames = unpacked_frames([contents[row] for row in near], "the log of frames")
         except FormatError:  # a damaged log must not keep a map from being saved
             return []
-        return moved_frames(frames, list(poses[rows]), self.config.occupancy.resolution)
+        return moved_frames(frames, list(poses[near]), self.config.occupancy.resolution)
 
 
 def _detects(frame: LoggedFrame, item: SemanticObject) -> bool:
