@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
 from hypermap.core.history import ADDED, Change
@@ -43,6 +44,7 @@ class SecondLook:
     log: FrameLog
     drives: Sequence[Drive]
     config: MappingConfig
+    _unpacked: dict[int, LoggedFrame] = field(default_factory=dict, init=False, repr=False)
 
     def chance(self, change: Change) -> float:
         """Return how likely it is that an object did not come or go, 0..1.
@@ -90,17 +92,23 @@ class SecondLook:
 
     def _frames_near(self, item: SemanticObject, rows: slice) -> list[LoggedFrame]:
         """Return the frames of a drive within the range in which an object can be missed."""
-        contents, poses = self.log.frames[rows], self.log.poses[rows]
+        poses = self.log.poses
         x, y = item.footprint.centroid.coords[0]
-        far = np.hypot(poses[:, 0, 3] - x, poses[:, 1, 3] - y)
-        near = np.flatnonzero(far <= self.config.evidence.max_range)
-        if len(near) == 0:
-            return []
+        far = np.hypot(poses[rows, 0, 3] - x, poses[rows, 1, 3] - y)
+        near = rows.start + np.flatnonzero(far <= self.config.evidence.max_range)
         try:
-            frames = unpacked_frames([contents[row] for row in near], "the log of frames")
+            self._unpack([row for row in near.tolist() if row not in self._unpacked], poses)
         except FormatError:  # a damaged log must not keep a map from being saved
             return []
-        return moved_frames(frames, list(poses[near]), self.config.occupancy.resolution)
+        return [self._unpacked[row] for row in near.tolist()]
+
+    def _unpack(self, rows: list[int], poses: NDArray[np.float64]) -> None:
+        """Unpack frames and keep them for other objects: this takes most of the time."""
+        if rows:
+            contents = self.log.frames
+            frames = unpacked_frames([contents[row] for row in rows], "the log of frames")
+            moved = moved_frames(frames, list(poses[rows]), self.config.occupancy.resolution)
+            self._unpacked.update(zip(rows, moved, strict=True))
 
 
 def _detects(frame: LoggedFrame, item: SemanticObject) -> bool:
