@@ -17,7 +17,7 @@ from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
-from hypermap.perception.pieces import cut_piece
+from hypermap.perception.pieces import MIN_FIT, cut_piece
 from hypermap.perception.surfaces import Surfaces, find_surfaces
 
 SPECK = 8  # smaller surfaces, in pixels, are noise at the edges of others
@@ -59,33 +59,34 @@ def cut_out(
     by_size = sorted(range(len(objects)), key=lambda number: -len(objects[number]))
     for number in by_size:
         owner[is_enclosed[number]] = number  # smaller ones come later
-    cut = []
+    measured = [len(pixels) + more for pixels, more in zip(objects, farther, strict=True)]
+    cut, is_again = [], []
     for number, (pixels, box) in enumerate(zip(objects, boxes, strict=True)):
-        own = np.flatnonzero(owner == number)
-        if len(own):
-            chosen = _together(own, inside[number], box, camera, config)
-        else:
-            chosen = _flat(inside[number], farther[number], surfaces.planes)
         is_chosen = np.zeros(len(owner), dtype=bool)
-        is_chosen[chosen] = True
+        if (own := np.flatnonzero(owner == number)).size:
+            is_chosen[_together(own, inside[number], box, camera, config)] = True
+        else:
+            is_chosen[_flat(inside[number], farther[number], surfaces.planes)] = True
         found = np.empty(len(pixels), np.int64)
-        cut.append(found[: _choose(surfaces.labels.ravel(), pixels, is_chosen, found)])
+        found = found[: _choose(surfaces.labels.ravel(), pixels, is_chosen, found)]
+        cut.append(_if_fitting(found, box, measured[number], valid.shape, config.min_fit))
+        is_again.append(len(cut[number]) < len(found))  # then a piece must fit, too
     for place, number in enumerate(by_size if config.max_cut > 0 else ()):
-        if len(cut[number]) > 0:
+        box = boxes[number]
+        if len(cut[number]) > 0 or (is_again[number] and _at_border(box, valid.shape)):
             continue
         is_free = is_thing & ~np.isin(owner, by_size[place:])  # from the smaller boxes
         sizes = np.where(is_free, inside[number].sizes, 0)
         label = int(np.argmax(sizes))
         if sizes[label] >= SPECK:
-            fit = _iou(inside[number].extents[[label]], boxes[number])[0]
+            fit = _iou(inside[number].extents[[label]], box)[0]
             at = surfaces, label, objects[number], farther[number]
-            cut[number] = cut_piece(*at, fit, boxes[number], camera, config)
+            piece = cut_piece(*at, fit, box, camera, config)
+            least = MIN_FIT if is_again[number] else config.min_fit
+            cut[number] = _if_fitting(piece, box, measured[number], valid.shape, least)
             for larger in by_size[:place]:
                 cut[larger] = np.setdiff1d(cut[larger], cut[number], assume_unique=True)
-    measured = [len(pixels) + more for pixels, more in zip(objects, farther, strict=True)]
-    return [
-        _if_fitting(*found, valid.shape, config) for found in zip(cut, boxes, measured, strict=True)
-    ]
+    return cut
 
 
 def _if_fitting(
@@ -93,7 +94,7 @@ def _if_fitting(
     box: NDArray[np.float32],
     measured: int,
     shape: tuple[int, ...],
-    config: PerceptionConfig,
+    least: float,
 ) -> IntArray:
     """Return what was found in a box if its extent fills enough of it; nothing if not.
 
@@ -105,17 +106,23 @@ def _if_fitting(
         box: xmin, ymin, xmax, ymax [pixels], shape (4,).
         measured: how many pixels in the box or mask have a depth.
         shape: of the image.
-        config: with the least share, `min_fit`.
+        least: share of the box that is enough.
     """
     height, width = shape
     left, top, right, bottom = box.tolist()
     area = (min(right, width) - max(left, 0)) * (min(bottom, height) - max(top, 0))
-    least = config.min_fit * area
-    if len(found) == 0 or len(found) >= least or 2 * measured < area:
+    if len(found) == 0 or len(found) >= least * area or 2 * measured < area:
         return found
     columns = found % width
     rows = found[-1] // width + 1 - found[0] // width
-    return found if rows * (columns.max() + 1 - columns.min()) >= least else found[:0]
+    extent = rows * (columns.max() + 1 - columns.min())
+    return found if extent >= least * area else found[:0]
+
+
+def _at_border(box: NDArray[np.float32], shape: tuple[int, ...]) -> bool:
+    """Return whether a box ends at the border of an image, beyond which its thing may continue."""
+    left, top, right, bottom = box.tolist()
+    return min(left, top, shape[1] - right, shape[0] - bottom) <= 1
 
 
 class _Inside:
