@@ -91,7 +91,7 @@ def test_a_missing_model_is_an_error(name: str) -> None:
 def test_a_model_of_pytorch_is_no_onnx_model(tmp_path: Path) -> None:
     path = tmp_path / "yolo11n.pt"
     path.write_bytes(b"PK\x03\x04" + bytes(100))
-    with pytest.raises(FormatError, match="not a complete ONNX model"):
+    with pytest.raises(FormatError, match="not ONNX; export the network first"):
         load_detector(path)
 
 
