@@ -57,6 +57,7 @@ def without_parts(whole: MappingConfig) -> dict[str, MappingConfig]:
     parts = {
         WHOLE: whole,
         "cutting at the box": perception(max_cut=0.0),
+        "rejection of what fits no box": perception(min_fit=0.0),
         "smoothing of depth": perception(smoothing=0),
         "rejection of flying pixels": perception(min_support=0),
         "rejection of floor pieces": perception(min_top=0.0),
