@@ -122,6 +122,22 @@ def test_a_node_warns_of_another_with_its_name(
     assert any("another node is named /hypermap_server" in t for _, t in graph.logged) == is_warned
 
 
+def test_a_node_whose_ros_ends_while_it_looks_for_others_ends_in_order(
+    graph: Graph, make_port: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = make_port()
+    port.manage(Idle())
+    monkeypatch.setattr("hypermap.ros.ros2.port._DISCOVERY", 0.0)
+
+    def names() -> Any:
+        port.shut_down()
+        raise RuntimeError("the given context is not valid")
+
+    monkeypatch.setattr(port._node, "get_node_names_and_namespaces", names)
+    port.spin()
+    assert not [text for level, text in graph.logged if level == "error"]
+
+
 @pytest.mark.timeout(60)
 def test_a_signal_waits_for_no_lock(make_port: Any) -> None:
     port = make_port()

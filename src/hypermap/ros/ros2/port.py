@@ -267,7 +267,7 @@ class Ros2Port:
                     time.sleep(0.1)
                     if time.monotonic() >= look_at:
                         look_at = math.inf
-                        self._warn_of_namesakes()
+                        self._guarded("rclpy", self._warn_of_namesakes)
             finally:
                 self._close()
 
