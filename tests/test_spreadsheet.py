@@ -3,6 +3,8 @@ from __future__ import annotations
 import csv
 import io
 import logging
+import weakref
+from collections.abc import Iterator
 
 import pytest
 
@@ -54,7 +56,27 @@ def test_it_says_once_how_many_texts_begin_like_a_formula(caplog: pytest.LogCapt
     with caplog.at_level(logging.WARNING):
         as_csv(["=a"], [["=b"], ["c"]])
     (record,) = caplog.records
-    assert record.getMessage().startswith("2 texts of the table begin like a formula")
+    assert record.getMessage().startswith("texts that begin like a formula got an apostrophe")
+    assert record.getMessage().endswith(": 2")
+
+
+class Row(list[str]):
+    """A row that a weak reference can refer to."""
+
+
+def test_rows_are_written_one_by_one() -> None:
+    """A fine grid has millions of them, which would take gigabytes together."""
+    made: list[weakref.ref[Row]] = []
+
+    def rows() -> Iterator[Row]:
+        for _ in range(9):
+            row = Row(["cup"])
+            made.append(weakref.ref(row))
+            yield row
+            kept = sum(each() is not None for each in made)
+            assert kept <= 2  # this one, and at most the one before
+
+    assert as_csv(["name"], rows()).count("cup") == 9
 
 
 def test_neither_names_nor_attributes_of_objects_are_formulas() -> None:

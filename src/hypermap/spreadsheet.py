@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import io
 import logging
 import re
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from types import SimpleNamespace
 
 logger = logging.getLogger(__name__)
@@ -31,21 +33,22 @@ def as_csv(head: Sequence[str], rows: Iterable[Sequence[object]], end: str = "\n
 
     Source: OWASP, CSV injection.
     """
-    lines: list[str] = []
+    text = io.StringIO(newline="")
     # With these ends, a writer quotes texts with either character: readers end lines at both.
-    writer = csv.writer(SimpleNamespace(write=lines.append), lineterminator="\r\n")
+    file = SimpleNamespace(write=lambda line: text.write(line.removesuffix("\r\n") + end))
+    writer = csv.writer(file, lineterminator="\r\n")
     marked = 0
-    for row in (head, *rows):
+    for row in chain([head], rows):
         cells = [_marked(cell) if isinstance(cell, str) else cell for cell in row]
         marked += sum(new is not old for new, old in zip(cells, row, strict=True))
         writer.writerow(cells)
     if marked:
         logger.warning(
-            "%d texts of the table begin like a formula; they got an apostrophe in front, so that "
-            "spreadsheets do not compute them",
+            "texts that begin like a formula got an apostrophe in front, so that spreadsheets do "
+            "not compute them: %d",
             marked,
         )
-    return "".join(line.removesuffix("\r\n") + end for line in lines)
+    return text.getvalue()
 
 
 def _marked(text: str) -> str:
