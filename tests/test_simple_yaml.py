@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,6 @@ from hypermap.perception.detectors.labels import read_labels
 from hypermap.questions.taxonomy import load_taxonomy
 from hypermap.rooms.kinds import load_kinds
 from hypermap.simple_yaml import parse_simple_yaml
-from hypermap.text import visible
 
 HOSTILE = {
     "an alias": "k: {a: &a [1, 1], b: [*a, *a]}",
@@ -49,9 +47,3 @@ def test_options_stay_texts_or_are_refused(text: str) -> None:
     with pytest.raises(HypermapError, match="--set"):
         _choices(f"evidence.loss={text}")
     assert parse_params([f"label={text}"])["label"] == text
-
-
-def test_a_message_with_many_beginnings_of_addresses_is_shown_at_once() -> None:
-    started = time.process_time()
-    visible("postgres:/:" * 20_000)
-    assert time.process_time() - started < 1

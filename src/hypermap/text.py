@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from typing import Any
 
 _LONGEST = 2000  # characters of a message
-_PASSWORD = re.compile(r"(\bpostgres(?:ql)?:/+[^:/@\s]*):[^@\s]{0,1000}@")  # a bound, for time
+# Also matches without the @ that ends a password: a search that fails there would begin again at
+# each beginning of an address, which takes quadratic time.
+_PASSWORD = re.compile(r"(\bpostgres(?:ql)?:/+[^:/@\s]*):[^@\s]*(@?)")
 
 
 def printable(text: object, longest: int = 28) -> str:
@@ -34,7 +36,7 @@ def visible(text: str, longest: int = _LONGEST) -> str:
     >>> visible("postgresql://me:secret@db.example/maps: no file")
     'postgresql://me@db.example/maps: no file'
     """
-    text = _PASSWORD.sub(r"\1@", text)
+    text = _PASSWORD.sub(lambda found: f"{found[1]}@" if found[2] else found[0], text)
     if len(text) > longest:
         text = f"{text[: longest // 2]} ... {text[-longest // 2 :]}"
     return escaped(text)
