@@ -30,6 +30,7 @@ def written(text: str) -> str:
         "@SUM(A1:A9)",
         "\t=1+1",
         "\r=1+1",
+        "\n=1+1",
         "\uff1d1+1",
         "'=1+1",
         "-1\n=2",
@@ -46,6 +47,10 @@ def test_what_a_spreadsheet_would_compute_gets_an_apostrophe(text: str) -> None:
 def test_other_texts_stay_as_they_are(text: str, caplog: pytest.LogCaptureFixture) -> None:
     assert written(text) == text
     assert not caplog.records
+
+
+def test_a_nul_hides_no_formula() -> None:
+    assert as_csv(["\0=1+1"], []) == "'\0=1+1\n"  # whose reader in Python 3.10 refuses a NUL
 
 
 def test_numbers_below_zero_and_empty_cells_stay() -> None:

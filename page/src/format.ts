@@ -70,7 +70,7 @@ const COLUMNS = [
 ] as const;
 
 // As in spreadsheet.py: more than a sign, and not a number.
-const FORMULA = /^'*[=+\-@\t\r\uff1d\uff0b\uff0d\uff20]./s;
+const FORMULA = /^'*[=+\-@\t\r\n\0\uff1d\uff0b\uff0d\uff20]./s;
 const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
 
 /** Cells that a spreadsheet would evaluate as a formula are marked as text. */

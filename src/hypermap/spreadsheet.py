@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 logger = logging.getLogger(__name__)
 
-_BEGINNINGS = "=+\\-@\t\r＝＋－＠"
+_BEGINNINGS = r"=+\-@\t\r\n\0＝＋－＠"
 # More than a sign, and not a number; apostrophes before it, so that what is added can be removed.
 _FORMULA = re.compile(rf"'*[{_BEGINNINGS}](?!\Z)", re.DOTALL)
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
@@ -21,8 +21,8 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.A
 def as_csv(head: Sequence[str], rows: Iterable[Sequence[object]], end: str = "\n") -> str:
     """Return a table as CSV text (RFC 4180).
 
-    A text that begins with =, +, -, @, a tab or a carriage return gets an apostrophe before it
-    unless it is a number: spreadsheets would compute it, and a formula can run commands or send
+    A text that begins with =, +, -, @, a tab, an end of a line or a NUL gets an apostrophe before
+    it unless it is a number: spreadsheets would compute it, and a formula can run commands or send
     cells elsewhere. How many texts that were is logged as a warning. To restore them, remove
     one apostrophe where apostrophes and one of these characters begin a cell.
 
@@ -31,7 +31,7 @@ def as_csv(head: Sequence[str], rows: Iterable[Sequence[object]], end: str = "\n
         rows: their cells; None is an empty cell.
         end: of each line.
 
-    Source: OWASP, CSV injection.
+    Source: OWASP, CSV injection, and ASVS 1.2.10.
     """
     text = io.StringIO(newline="")
     # With these ends, a writer quotes texts with either character: readers end lines at both.
