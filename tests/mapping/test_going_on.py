@@ -141,6 +141,17 @@ def test_frames_that_are_in_the_map_already_count_once(tmp_path: Path) -> None:
     }
 
 
+def test_a_camera_at_rest_looks_again_as_if_mapping_had_never_stopped(tmp_path: Path) -> None:
+    still = [frame(i) for i in range(20)]  # of which 0, 1, 3, 7 and 15 are keyframes
+    first = saved_and_opened(mapped(still[:10]), tmp_path / "a.hmap")
+    rest, again = (Mapper.onto(first, boxes, drive="monday") for _ in range(2))
+    for each in still[10:]:
+        rest.add(each)
+    for each in still:
+        again.add(each)
+    assert (rest.counts.used, again.counts.used, again.counts.repeated) == (1, 1, 4)
+
+
 def test_another_drive_with_the_same_stamps_is_another_drive(tmp_path: Path) -> None:
     first = saved_and_opened(mapped(walk().items), tmp_path / "a.hmap")
     other = Mapper.onto(first, boxes, drive="tuesday")

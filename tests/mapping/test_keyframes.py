@@ -77,6 +77,26 @@ def test_a_camera_at_rest_that_goes_on_waits_first() -> None:
     assert selector.accept(pose(), 103.0)
 
 
+def test_a_repeated_recording_of_a_camera_at_rest_gives_the_same_keyframes() -> None:
+    selector = KeyframeSelector(CONFIG)
+    stamps = [float(t) for t in range(100)]
+    before = [t for t in stamps[:50] if selector.accept(pose(), t)]
+    after = []
+    for t in stamps:
+        if t in before:
+            selector.repeat(pose(), t)
+        elif selector.accept(pose(), t):
+            after.append(t)
+    assert (before, after) == ([0, 1, 3, 7, 15, 31], [63])
+    selector.repeat(pose(x=1.0), 100.0)
+    assert selector.accept(pose(x=1.0), 101.0)
+
+
+def test_a_long_wait_does_not_become_shorter() -> None:
+    selector = KeyframeSelector(KeyframeConfig(look_again=90.0))
+    assert [t for t in range(0, 300, 10) if selector.accept(pose(), float(t))] == [0, 90, 180, 270]
+
+
 def test_it_may_look_once_alone() -> None:
     selector = KeyframeSelector(KeyframeConfig(look_again=0.0))
     assert [t for t in range(100) if selector.accept(pose(), float(t))] == [0]

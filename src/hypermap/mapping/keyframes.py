@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,14 @@ _LONGEST_WAIT = 60.0  # seconds until a camera at rest is looked through again
 
 
 @dataclass(frozen=True, eq=False)
-class _Keyframe:
-    """The pose and time of a keyframe, and how long to wait for the next if the camera rests."""
+class Keyframe:
+    """A keyframe.
+
+    Attributes:
+        map_T_camera: its pose, shape (4, 4).
+        stamp: its time [s]; None if that is unknown, or of another clock.
+        wait: after how long a camera that has not moved since gives the next one [s].
+    """
 
     map_T_camera: NDArray[np.float64]
     stamp: float | None
@@ -28,12 +34,16 @@ class KeyframeSelector:
     Otherwise a camera at rest would count the same view of an object again and again. It is looked
     through again, but less and less often: first after `look_again` seconds, then after twice as
     long, at last every minute.
+
+    Attributes:
+        config: the settings.
+        last: the last keyframe; None if there is none.
     """
 
     def __init__(self, config: KeyframeConfig) -> None:
         self.config = config
-        self._last: _Keyframe | None = None
-        self._before: _Keyframe | None = None
+        self.last: Keyframe | None = None
+        self._before: Keyframe | None = None
 
     def accept(self, map_T_camera: NDArray[np.float64], stamp: float) -> bool:
         """Return whether a frame is a keyframe.
@@ -45,37 +55,60 @@ class KeyframeSelector:
             map_T_camera: its pose, shape (4, 4).
             stamp: its time [s].
         """
-        wait, last = self.config.look_again, self._last
-        if last is not None and not self._has_moved(last.map_T_camera, map_T_camera):
-            if last.stamp is None:
-                self._last = _Keyframe(last.map_T_camera, stamp, last.wait)
-                return False
-            if not wait or abs(stamp - last.stamp) < last.wait:
-                return False
-            map_T_camera, wait = last.map_T_camera, min(2 * last.wait, _LONGEST_WAIT)
-        self._before, self._last = last, _Keyframe(map_T_camera, stamp, wait)
+        last = self.last
+        if last is None or self._has_moved(last.map_T_camera, map_T_camera):
+            now = Keyframe(map_T_camera, stamp, self.config.look_again)
+        elif last.stamp is None:
+            self.last = replace(last, stamp=stamp)
+            return False
+        elif not self.config.look_again or abs(stamp - last.stamp) < last.wait:
+            return False
+        else:
+            now = _looked_again(last, stamp)
+        self._before, self.last = last, now
         return True
 
-    @property
-    def last(self) -> NDArray[np.float64] | None:
-        """The pose of the last keyframe, shape (4, 4); None if there is none."""
-        return None if self._last is None else self._last.map_T_camera
+    def repeat(self, map_T_camera: NDArray[np.float64], stamp: float) -> None:
+        """Take a frame for the last keyframe that an earlier run has accepted.
 
-    def go_on_from(self, map_T_camera: NDArray[np.float64] | None) -> None:
-        """Compare the next pose with this one, shape (4, 4); None to accept any."""
-        wait = self.config.look_again
-        self._last = None if map_T_camera is None else _Keyframe(map_T_camera, None, wait)
-        self._before = self._last
+        Args:
+            map_T_camera: its pose, shape (4, 4).
+            stamp: its time [s].
+        """
+        last = self.last
+        if (
+            last is None
+            or last.stamp is None
+            or stamp <= last.stamp  # the recording begins again
+            or self._has_moved(last.map_T_camera, map_T_camera)
+        ):
+            self.go_on_from(map_T_camera, stamp)
+        else:
+            self.go_on_with(_looked_again(last, stamp))
+
+    def go_on_with(self, keyframe: Keyframe) -> None:
+        """Make this the last keyframe, which `undo` does not drop."""
+        self._before = self.last = keyframe
+
+    def go_on_from(self, map_T_camera: NDArray[np.float64], stamp: float | None = None) -> None:
+        """Compare the next frame with this pose, shape (4, 4), of a time [s]; None if unknown."""
+        self.go_on_with(Keyframe(map_T_camera, stamp, self.config.look_again))
 
     def undo(self) -> None:
         """Drop the last keyframe, which could not be processed."""
-        self._last = self._before
+        self.last = self._before
 
     def _has_moved(self, last: NDArray[np.float64], now: NDArray[np.float64]) -> bool:
         last_T_camera = invert(last) @ now
         distance = float(np.linalg.norm(last_T_camera[:3, 3]))
         angle_deg = np.degrees(rotation_angle(last_T_camera[:3, :3]))
         return distance >= self.config.min_distance or angle_deg >= self.config.min_angle_deg
+
+
+def _looked_again(last: Keyframe, stamp: float) -> Keyframe:
+    """Return the next keyframe of a camera at rest."""
+    wait = max(last.wait, min(2 * last.wait, _LONGEST_WAIT))
+    return Keyframe(last.map_T_camera, stamp, wait)
 
 
 def rotation_angle(rotation: NDArray[np.float64]) -> float:

@@ -182,7 +182,12 @@ class Mapper:
         mapper = cls(own_config, source, occupancy, hypermap.base_frame, drive)
         mapper._has_objects = mapper._has_objects or layer_of_objects(hypermap) is not None
         mapper.evidence.go_on_with(state.tracks, edits_of(hypermap, state))
-        mapper.keyframes.go_on_from(state.keyframe)
+        is_same_drive = bool(state.drives) and state.drives[-1].name == drive
+        if state.keyframe is not None:
+            if is_same_drive and state.keyframe.stamp is not None:
+                mapper.keyframes.go_on_with(state.keyframe)
+            else:  # of another clock
+                mapper.keyframes.go_on_from(state.keyframe.map_T_camera)
         if state.log_odds is not None:
             mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
         if mapper._aligner is not None and state.alignment is not None:
@@ -191,7 +196,7 @@ class Mapper:
         mapper._counts_before = state.counts
         mapper._base = hypermap
         mapper._frame_log = FrameLog(state.log)
-        if state.drives and state.drives[-1].name != drive:
+        if state.drives and not is_same_drive:
             mapper._frame_log.end_drive()
         return mapper
 
@@ -253,7 +258,7 @@ class Mapper:
         if (reason := why_unusable(frame)) is not None:
             self.leave_out(frame.stamp, reason)
         elif self._earlier.with_frame(frame) is not None:
-            self.keyframes.go_on_from(frame.map_T_camera)
+            self.keyframes.repeat(frame.map_T_camera, frame.stamp)
             self._count(repeated=1)
         elif not self.keyframes.accept(frame.map_T_camera, frame.stamp):
             self._count(skipped=1)

@@ -33,6 +33,7 @@ from hypermap.mapping.frame_log import (
     unpacked_befores,
     unpacked_log,
 )
+from hypermap.mapping.keyframes import Keyframe
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_arrays import (
     PackedTables,
@@ -60,7 +61,7 @@ class MapperState:
     Attributes:
         tracks: all tracks, including unpublished ones. Pictures and embeddings of published objects
             are saved with their layer, not in this file.
-        keyframe: pose of the last keyframe, shape (4, 4); None if there is none.
+        keyframe: the last one; None if there is none. Without a stamp in files of earlier versions.
         first_cell: row and column of the first cell of `log_odds`, from the origin of the map
             frame, int64, shape (2,).
         log_odds: of the cells of the occupancy layer, NaN if never seen, float32, shape (H, W);
@@ -73,7 +74,7 @@ class MapperState:
     """
 
     tracks: TrackTable
-    keyframe: NDArray[np.float64] | None
+    keyframe: Keyframe | None
     first_cell: NDArray[np.int64]
     log_odds: NDArray[np.float32] | None
     drives: Sequence[Drive]
@@ -89,7 +90,8 @@ def dump_state(state: MapperState) -> bytes:
     facts["drives"], keys = drives.packed(list(state.drives))
     arrays: dict[str, NDArray[Any]] = {"frame_keys": keys}
     if state.keyframe is not None:
-        arrays["keyframe"] = state.keyframe.astype(np.float64)
+        arrays["keyframe"] = state.keyframe.map_T_camera.astype(np.float64)
+        facts["keyframe"] = [state.keyframe.stamp, state.keyframe.wait]
     arrays["published"] = np.frombuffer(dump_objects(state.published), np.uint8)
     arrays |= _packed_map("", MapBefore(state.tracks, state.first_cell, state.log_odds))
     tables = packed_tables(state.tracks, [part.before.tracks for part in state.log])
@@ -131,7 +133,6 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
     file = parse_arrays(content, FORMAT, VERSION, path)
     facts, arrays = file.facts, file.arrays
     try:
-        keyframe = arrays.get("keyframe")
         packed = PackedTables([facts, *facts.get("before", ())], arrays)
         now, *befores = _unpacked_maps(packed, config, path)
         pictures = unpacked_pictures(arrays) if "picture.object" in arrays else {}
@@ -145,7 +146,7 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
             tracks=now.tracks,
             published=_published(arrays, path),
             alignment=_alignment(facts["alignment"]),
-            keyframe=None if keyframe is None else keyframe.reshape(4, 4),
+            keyframe=_keyframe(facts.get("keyframe"), arrays.get("keyframe")),
             first_cell=now.first_cell,
             log_odds=now.log_odds,
             drives=drives.unpacked(facts["drives"], arrays["frame_keys"]),
@@ -169,6 +170,13 @@ def parse_published(
         return _published(arrays, path), _edits("", arrays, path)
     except _WRONG as error:
         raise FormatError(f"is damaged: {error}", path=path) from None
+
+
+def _keyframe(facts: Sequence[Any] | None, pose: NDArray[np.float64] | None) -> Keyframe | None:
+    if pose is None:
+        return None
+    stamp, wait = (None, 0.0) if facts is None else facts
+    return Keyframe(pose.reshape(4, 4), None if stamp is None else float(stamp), float(wait))
 
 
 def _published(arrays: _Arrays, path: str) -> list[SemanticObject]:
