@@ -12,6 +12,7 @@ from PIL import Image
 from hypermap.core.errors import FormatError
 from hypermap.core.trajectory import compose, invert, pose_from_rpy
 from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.pose_convention import optical_poses
 from hypermap.recordings import RecordingOptions, open_recording
 
 from .bag_builder import BagBuilder, add_poses, camera_info, image
@@ -23,12 +24,17 @@ LARGE = (52.0, 54.0, 31.5, 23.0)  # twice the intrinsics, for images of twice th
 ASIDE = (-0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def write_two_cameras(folder: Path, has_tf: bool = True, has_info: bool = True) -> Path:
+def write_two_cameras(
+    folder: Path,
+    has_tf: bool = True,
+    has_info: bool = True,
+    right: tuple[float, float, float] = (0.1, 0, 0),
+) -> Path:
     """A bag in which the color camera is 10 cm to the right of the depth camera, and larger."""
     with BagBuilder(folder, "mcap") as bag:
         add_poses(bag, SHOTS)
         if has_tf:
-            bag.add_tf("/tf_static", START, "camera", "color_camera", (0.1, 0, 0))
+            bag.add_tf("/tf_static", START, "camera", "color_camera", right)
         info = "sensor_msgs/msg/CameraInfo"
         bag.add("/camera/depth/camera_info", info, START, camera_info(START))
         if has_info:
@@ -66,6 +72,13 @@ def test_a_bag_registers_depth_by_its_camera_info_and_tf(tmp_path: Path) -> None
     frames = frames_of(path, **options, register=True)
     assert len(frames) == len(SHOTS)
     assert_registered(frames[0], SHOTS[0].map_T_camera)
+
+
+def test_tf_may_be_that_of_the_bodies_of_both_cameras(tmp_path: Path) -> None:
+    path = write_two_cameras(tmp_path, right=(0, -0.1, 0))
+    options = {"depth_topic": DEPTH, "color_topic": COLOR, "register": True}
+    frames = frames_of(path, **options, pose_convention="body")
+    assert_registered(frames[0], optical_poses(SHOTS[0].map_T_camera, "body"))
 
 
 @pytest.mark.parametrize(

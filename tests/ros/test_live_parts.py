@@ -314,10 +314,15 @@ def info(width: int, height: int, focal: float) -> Any:
     return SimpleNamespace(width=width, height=height, K=K, D=[], P=[])
 
 
-def test_depth_is_registered_to_color_and_frames_are_turned_where_that_is_set() -> None:
+@pytest.mark.parametrize(
+    ("convention", "aside"), [("optical", (0.1, 0, 0)), ("body", (0, -0.1, 0))]
+)
+def test_depth_is_registered_to_color_and_frames_are_turned_where_that_is_set(
+    convention: str, aside: tuple[float, float, float]
+) -> None:
     settings = LiveSettings(
         depth_topic="/depth/image", color_topic="/color/image", register=True, rotate=90,
-        detector="network.onnx",
+        detector="network.onnx", pose_convention=convention,
     )  # fmt: skip
     assert settings.color_info_topic == "/color/camera_info"
     frames = FrameMaker(settings)
@@ -328,11 +333,10 @@ def test_depth_is_registered_to_color_and_frames_are_turned_where_that_is_set() 
     color = message(np.zeros((48, 64, 3), np.uint8), "rgb8")
     match = MatchedMessages(10**9, {"": None, "color": color}, {})
     depth = message(np.full((24, 32), 2.0, np.float32), "32FC1")
-    aside = pose_from_rpy(0.1, 0, 0, 0, 0, 0)
-    frame = frames.frame(match, depth, np.eye(4), aside)
+    frame = frames.frame(match, depth, np.eye(4), pose_from_rpy(*aside, 0, 0, 0))
     assert frame.depth.shape == (64, 48)
     assert np.nanmax(frame.depth) == 2.0
-    np.testing.assert_allclose(frame.map_T_camera[:3, 3], [-0.1, 0, 0])
+    np.testing.assert_allclose(frame.map_T_camera[:3, 3], np.negative(aside), atol=1e-12)
 
 
 def test_a_simulator_may_name_the_body_of_its_camera() -> None:

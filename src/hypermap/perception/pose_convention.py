@@ -55,3 +55,18 @@ def optical_poses(poses: NDArray[np.float64], convention: str) -> NDArray[np.flo
         quats = np.stack([x, y, z, w], axis=1).reshape(*poses.shape[:-2], 4)
         return pose_matrix(poses[..., :3, 3], quats)
     return np.asarray(poses @ _TO_OPTICAL[convention])
+
+
+def optical_offset(offset: NDArray[np.float64], convention: str) -> NDArray[np.float64]:
+    """Return the pose of one camera's optical frame in another's, from that of their frames in tf.
+
+    Args:
+        offset: as tf says, shape (4, 4).
+        convention: one of `CONVENTIONS`, of both frames. Only its axes count, as tf says itself
+            which frame a pose is of.
+
+    Returns:
+        Shape (4, 4).
+    """
+    to_optical = _TO_OPTICAL.get(convention)
+    return offset if to_optical is None else np.asarray(to_optical.T @ offset @ to_optical)

@@ -14,6 +14,7 @@ from hypermap.core.errors import FormatError, FrameError
 from hypermap.core.moving_frames import Motion, MovingFrames
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera
+from hypermap.perception.pose_convention import optical_offset
 from hypermap.recordings.bag.contents import Contents, seconds
 from hypermap.recordings.bag.decode import (
     Geometry,
@@ -191,7 +192,7 @@ class BagPlan:
         frames = self._contents.color.frame_id, self._camera_frame
         try:
             poses = tree.motion(*frames).at(self._contents.geometry.seconds()[:1])
-            return np.asarray(poses[0])
+            return optical_offset(poses[0], self._options.pose_convention)
         except FrameError as error:
             raise FormatError(
                 f"tf has no transform to the color camera ({frames[0]!r}), to which depth is to "

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FormatError
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.pose_convention import optical_poses
+from hypermap.perception.pose_convention import optical_offset, optical_poses
 from hypermap.perception.registration import Registration
 from hypermap.perception.turning import turned
 from hypermap.recordings.messages.camera import camera_of_info
@@ -63,16 +63,19 @@ class FrameMaker:
             match: color and detections, and the stamps of all.
             geometry: the depth image or cloud.
             map_T_camera: pose of its frame as tf says, shape (4, 4).
-            color_T_depth: its pose in the color camera, to which it is to be registered; else None.
+            color_T_depth: its pose in the color camera's frame as tf says, if depth is to be
+                registered to color; else None.
 
         Raises:
             FormatError: If a message is damaged, or they do not fit each other.
         """
-        map_T_camera = optical_poses(map_T_camera, self._settings.pose_convention)
+        convention = self._settings.pose_convention
+        map_T_camera = optical_poses(map_T_camera, convention)
         depth, cloud, color = self._geometry(geometry)
         camera = self._camera(depth, cloud)
         if color_T_depth is not None:
-            registration = Registration(self._color_camera(match.items["color"]), color_T_depth)
+            pose = optical_offset(color_T_depth, convention)
+            registration = Registration(self._color_camera(match.items["color"]), pose)
             depth, map_T_camera = registration.depth(depth, camera), registration.pose(map_T_camera)
             camera = registration.camera
         if "color" in match.items and self._settings.detector:
