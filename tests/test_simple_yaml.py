@@ -33,6 +33,10 @@ def test_hostile_texts_are_refused_in_one_line(text: str) -> None:
     assert "\n" not in str(refused.value)
 
 
+def test_a_tag_that_fits_is_read() -> None:
+    assert parse_simple_yaml("k: !!str 5") == {"k": "5"}
+
+
 @hostile
 @pytest.mark.parametrize("read", [load_kinds, load_taxonomy, read_labels])
 def test_files_of_settings_name_the_file(text: str, read: object, tmp_path: Path) -> None:
