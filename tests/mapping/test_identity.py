@@ -64,6 +64,7 @@ def test_a_clock_that_is_ahead_is_told_and_gives_no_time(caplog: pytest.LogCaptu
     with caplog.at_level(logging.WARNING):
         made = map_recording(Frames(ahead), boxes, CONFIG)
         assert "lie in the future (2255-03-14" in caplog.text
+        map_recording(Frames(ahead), boxes, CONFIG, onto=made)  # nothing new
         assert "earlier drive" not in caplog.text
         now = [dataclasses.replace(f, stamp=1.7e9 + i) for i, f in enumerate(walk().items)]
         map_recording(Frames(now), boxes, CONFIG, onto=made)

@@ -462,10 +462,10 @@ class Mapper:
                 self._drive.last,
             )
         for drive in self._earlier.drives:
-            if drive.is_ahead and drive.first > self._drive.last:
+            if self._drive.keys and drive.is_ahead and drive.first > self._drive.last:
                 _log.warning(
                     "the stamps of the earlier drive %r lie in the future (%s): what has moved "
-                    "since then is told as one object gone and another one added",
+                    "since then is reported as one object gone and another one added",
                     drive.name,
                     wall_clock(drive.last),
                 )
