@@ -110,14 +110,15 @@ def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]
     surplus = sum(map(len, files.values())) - policy.max_mb * 1e6
     bounded: dict[str, bytes] = {}
     for name, content in files.items():
-        lines = content.splitlines(keepends=True)
-        while lines and not bounded:
-            stamp = _time_in(lines[0])
+        lines, dropped = content.splitlines(keepends=True), 0
+        while dropped < len(lines) and not bounded:
+            stamp = _time_in(lines[dropped])
             if surplus <= 0 and (stamp is None or stamp >= begin):
                 break
-            surplus -= len(lines.pop(0))
-        if lines:
-            bounded[name] = b"".join(lines)
+            surplus -= len(lines[dropped])
+            dropped += 1
+        if dropped < len(lines):
+            bounded[name] = b"".join(lines[dropped:])
     return bounded
 
 
