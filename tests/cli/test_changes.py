@@ -56,8 +56,22 @@ def test_changes_tells_what_changed_since_a_time_or_a_version(hypermap: Run, off
 
 def test_changes_draws_them(hypermap: Run, office: Path, tmp_path: Path) -> None:
     picture = tmp_path / "changes.svg"
-    assert hypermap("changes", office, "--picture", picture).code == 0
+    assert hypermap("changes", office, "--since", "v2", "--picture", picture).code == 0
     assert "moved" in picture.read_text()
+    assert "2 changes, 1 object unchanged" in picture.read_text()
+
+
+def test_the_picture_fills_only_what_is_still_so(
+    hypermap: Run, office: Path, tmp_path: Path
+) -> None:
+    changed = open_map(office)
+    changed.semantic().remove(0)
+    save_map(changed, office)
+    picture = tmp_path / "changes.svg"
+    assert hypermap("changes", office, "--picture", picture).code == 0
+    now, was = picture.read_text().split("as it was")[0].split("as it is now")[1], "moved"
+    assert was not in now
+    assert was in picture.read_text()
 
 
 def test_a_query_may_ask_the_map_as_it_was(hypermap: Run, office: Path) -> None:

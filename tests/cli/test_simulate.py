@@ -50,6 +50,26 @@ def test_a_folder_can_be_mapped_and_compared_with_the_truth(world: Path, tmp_pat
     assert truth.metadata["world"] == "studio"
 
 
+def test_another_day_has_other_things_and_later_stamps(world: Path, tmp_path: Path) -> None:
+    out = tmp_path / "tuesday"
+    done = hypermap(
+        "simulate", world, "-o", out, "--rate", "1", "--start", "2026-11-24T08:00Z", "--day", "2"
+    )
+    assert done.returncode == 0, done.stderr
+    assert "since day 1  " in done.stdout
+    stamps = [frame.stamp for frame in open_recording(out).frames()]
+    assert stamps[0] == 1795507200.0
+    assert stamps[-1] > stamps[0]
+    truth = open_map(out / "truth.hmap")["semantic"].objects()
+    (table,) = (thing for thing in truth if thing.name == "table")
+    told = [line for line in done.stdout.splitlines() if "table" in line and "moved" in line]
+    x, y = table.footprint.centroid.coords[0]
+    assert bool(told) == (abs(x - 3.2) > 0.01 or abs(y - 2) > 0.01)
+    wrong = hypermap("simulate", world, "-o", tmp_path / "w", "--start", "someday")
+    assert wrong.returncode == 2
+    assert "--start 'someday': expected a time" in wrong.stderr
+
+
 @pytest.mark.parametrize("name", ["drive", "drive.bag"])
 def test_bad_frames_are_reported_and_the_rest_is_mapped(
     world: Path, tmp_path: Path, name: str

@@ -88,3 +88,19 @@ def test_a_clock_that_was_never_set_is_told_where_others_were(
     assert made.history is not None
     assert made.history.mapped is not None
     assert made.history.mapped.time is None
+
+
+def test_drives_whose_clocks_both_begin_at_0_are_told_unless_they_are_one(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def drive(start: float, count: int) -> Frames:
+        items = [dataclasses.replace(f, stamp=start + i) for i, f in enumerate(walk().items)]
+        return Frames(items[:count])
+
+    with caplog.at_level(logging.WARNING):
+        first = map_recording(drive(0.0, 3), boxes, CONFIG)
+        map_recording(drive(0.0, 6), boxes, CONFIG, onto=first)  # the rest of the same drive
+        map_recording(drive(100.0, 6), boxes, CONFIG, onto=first)
+        assert "the map takes both for one" not in caplog.text
+        map_recording(drive(0.5, 6), boxes, CONFIG, onto=first)
+    assert "(0 s to 6 s) are also those of the earlier drive 'walk'" in caplog.text

@@ -338,6 +338,20 @@ def test_the_first_view_at_a_new_place_nearby_does_not_keep_an_object_at_its_old
     assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
 
 
+def test_a_small_object_that_poses_put_beside_its_place_was_not_moved() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(12):
+        evidence.update(seen(square(0, side=0.1), name="cup", stamp=second))
+    for second in range(4):
+        evidence.update(seen(square(0.16, side=0.1), name="cup", stamp=DAY + second))
+    for second in range(4, 10):
+        evidence.update(seen(square(-0.02, side=0.1), name="cup", stamp=DAY + second))
+    cup = only(evidence)
+    assert cup.id == 0
+    assert cup.attributes["evidence"] >= 18
+    assert "moved" not in cup.attributes
+
+
 def test_a_few_views_of_an_object_keep_it_where_another_one_has_come_beside_it() -> None:
     evidence = EvidenceMap(DEFAULT)
     for second in range(6):

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hypermap.core.history import Change, Revision
+    from hypermap.core.hypermap import Hypermap
 
 
 def command(
@@ -78,9 +79,24 @@ def command(
         from hypermap.evaluation import Changes
         from hypermap.viewer.changes import render_changes
 
-        shown = Changes(tuple(change for _, change in found), 0)
-        render_changes(hypermap, shown, picture, title=path.stem)
+        shown = Changes(tuple(change for _, change in found), _unchanged(hypermap, found, names))
+        render_changes(hypermap, shown, picture, title=path.stem, is_over_time=True)
         note(f"saved {picture}")
+
+
+def _unchanged(
+    hypermap: Hypermap, found: Sequence[tuple[Revision, Change]], names: Sequence[str] | None
+) -> int:
+    """Return how many objects of a map, of some names or all, are as they were."""
+    from hypermap.core.semantic import SemanticLayer
+
+    changed = {(change.layer, change.object.id) for _, change in found}
+    return sum(
+        (layer.name, item.id) not in changed and (not names or item.name in names)
+        for layer in hypermap
+        if isinstance(layer, SemanticLayer)
+        for item in layer.objects()
+    )
 
 
 def _show(found: Sequence[tuple[Revision, Change]]) -> None:

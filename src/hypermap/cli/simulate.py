@@ -15,7 +15,9 @@ from hypermap.core.errors import HypermapError
 if TYPE_CHECKING:
     from hypermap.perception.frame import Camera
     from hypermap.simulation import World
+    from hypermap.simulation.days import WorldChange
     from hypermap.simulation.levels import Errors
+    from hypermap.simulation.world import WorldObject
 
 ERRORS = "none|fair|robot|drift|rough|harsh|FILE"
 WHAT_ERRS = (
@@ -28,6 +30,7 @@ WHAT_ERRS = (
 SENSORS = "kinect_v1|realsense_d435|tof"
 WHAT_SENSOR = "Depth camera: its noise, range, steps and flying pixels, as published."
 _SIZES = {"320x240": 1, "640x480": 2}
+MOST_DAYS = 1000
 
 
 def command(
@@ -65,6 +68,23 @@ def command(
     image_size: Annotated[
         str, typer.Option(metavar="|".join(_SIZES), help="Width and height in pixels.")
     ] = "320x240",
+    start: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="When the drive begins, such as 2026-11-23T08:00; otherwise its stamps begin "
+            "at 0.",
+        ),
+    ] = None,
+    day: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=MOST_DAYS,
+            help="The world on this day: from one day to the next, some things are moved, "
+            "removed, added and swapped.",
+        ),
+    ] = 1,
     bad_frames: Annotated[
         float,
         typer.Option(
@@ -86,23 +106,29 @@ def command(
         hypermap evaluate mine.hmap lab/truth.hmap
         hypermap simulate lab -o rough --errors rough --sensor tof
         hypermap simulate office.yaml -o office.bag --errors none --image-size 640x480
+        hypermap simulate demo -o monday --start 2026-11-23T08:00
+        hypermap simulate demo -o tuesday --start 2026-11-24T08:00 --day 2
     """
     from hypermap.formats import save_map
     from hypermap.simulation import SimulatedRecording, ground_truth, varied, write_bag, write_tum
+    from hypermap.simulation.days import day_of, seed_of_day
 
     is_bag = output.suffix == ".bag"
     truth_file = output.with_suffix(".truth.hmap") if is_bag else output / "truth.hmap"
     if output.exists() or truth_file.exists():
         taken = output if output.exists() else truth_file
         raise HypermapError(f"{taken} exists already; name a new one")
-    described = varied(world_of(world), seed)
+    begin = 0.0 if start is None else _stamp(start)
+    today = day_of(varied(world_of(world), seed), day, seed)
+    described = today.world
     recording = SimulatedRecording.with_errors(
         described,
         errors_of(errors, sensor),
         camera=_camera(image_size),
         rate=rate,
         bad_frames=bad_frames,
-        seed=seed,
+        seed=seed if day == 1 else seed_of_day(seed, day),
+        start=begin,
     )
     with counting("simulating", len(recording), "frames") as count:
         (write_bag if is_bag else write_tum)(recording, output, on_frame=count)
@@ -115,6 +141,30 @@ def command(
         listed = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
         say(f"bad frames {len(recording.faults)}: {listed}")
     say(f"true map   {truth_file}: {len(described.objects)} objects")
+    for change in today.changes:
+        say(f"since day {day - 1}  {_told(change)}")
+
+
+def _stamp(text: str) -> float:
+    from hypermap.questions.times import parse_moment
+
+    return parse_moment(text, "--start").timestamp()
+
+
+def _told(change: WorldChange) -> str:
+    """Return what happened to one thing, in words."""
+    thing = change.after or change.before
+    assert thing is not None
+    if change.kind == "door":
+        said = "a door opened" if change.after is None else "a door closed"
+    else:
+        said = f"{thing.label} {change.kind}"
+    places = [f"{one.place[0]:.2f}, {one.place[1]:.2f}" for one in _ends(change)]
+    return f"{said}: {' to '.join(places)}"
+
+
+def _ends(change: WorldChange) -> list[WorldObject]:
+    return [one for one in (change.before, change.after) if one is not None]
 
 
 def world_of(name: str) -> World:

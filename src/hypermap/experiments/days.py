@@ -30,7 +30,7 @@ from hypermap.mapping.mapper import Mapper
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.simulation import Errors, SimulatedRecording, World
-from hypermap.simulation.days import Day, WorldChange, next_day
+from hypermap.simulation.days import Day, WorldChange, next_day, seed_of_day
 
 FIRST_DAY = 1_763_971_200.0
 """When the first drive begins, in seconds since 1970: 2025-11-24, 8:00 UTC."""
@@ -129,7 +129,7 @@ def map_one(series: Series, config: MappingConfig) -> Tally:
     before: MappedDay | None = None
     for number in range(series.days):
         if number:
-            day = next_day(day, 1000 * series.seed + number)
+            day = next_day(day, seed_of_day(series.seed, number + 1))
         mapped = _map_day(series, day, number, before, config)
         if before is None:
             tally.first = _static(mapped)
@@ -144,7 +144,7 @@ def map_one(series: Series, config: MappingConfig) -> Tally:
 def _map_day(
     series: Series, day: Day, number: int, before: MappedDay | None, config: MappingConfig
 ) -> MappedDay:
-    seed = 1000 * series.seed + number
+    seed = seed_of_day(series.seed, number + 1)
     recording = SimulatedRecording.with_errors(
         day.world, series.errors, rate=series.rate, seed=seed
     )

@@ -64,6 +64,10 @@ class Drive:
         """Whether its stamps count from the start of something, not from 1970."""
         return bool(self.keys) and self.last <= EARLIEST
 
+    def overlaps(self, other: Drive) -> bool:
+        """Whether some time belongs to it and to another one, by their stamps."""
+        return self.first <= other.last and other.first <= self.last
+
     def described(self) -> dict[str, Any]:
         """Return its entry in a map's metadata; times are in UTC if the clock is right."""
         facts: dict[str, Any] = {"name": self.name, "frames": len(self.keys)}

@@ -15,6 +15,7 @@ import shapely
 from hypermap.core.embeddings import Embedding
 from hypermap.core.pictures import ObjectPicture
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.history.likeness import MIN_MOVED
 from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.class_sizes import is_usual
@@ -407,6 +408,11 @@ class EvidenceMap:
         """
         for move in find_moves(self._tracks, self.config, stamp):
             (row,), (other,) = (self._tracks.rows_of([n]) for n in (move.gone, move.there))
+            self._observed = {move.gone if n == move.there else n for n in self._observed}
+            self.shown = [(one, move.gone if n == move.there else n) for one, n in self.shown]
+            if self._is_in_place(row, other):
+                self._rejoin(row, other)
+                continue
             track, there = self._touch(row), self._touch(other)
             self._forget_co_occurrences(track)
             track.co_occurrences.clear()
@@ -421,8 +427,24 @@ class EvidenceMap:
             for column in (self._tracks.existence, self._tracks.spared, self._tracks.misses):
                 column[row] = column[other]
             self._tracks.remove([other])
-            self._observed = {move.gone if n == move.there else n for n in self._observed}
-            self.shown = [(one, move.gone if n == move.there else n) for one, n in self.shown]
+
+    def _is_in_place(self, row: int, other: int) -> bool:
+        """Return whether two tracks are so near that poses may be off by as much."""
+        centers = [self._tracks.shapes.polygons[one].geometry.centroid for one in (row, other)]
+        return bool(shapely.distance(*centers) < MIN_MOVED)
+
+    def _rejoin(self, row: int, other: int) -> None:
+        """Add the evidence of a new track to the one that is in its place, or was."""
+        track, there = self._touch(row), self._touch(other)
+        track.buffer.merge([there.buffer])
+        track.pending, track.gone_since = len(track.buffer), None
+        self._transfer_co_occurrences(there, track)
+        existence, spared = self._tracks.existence, self._tracks.spared
+        self._tracks.change_existence(row, max(0.0, -float(existence[row])))
+        self._tracks.change_existence(row, float(existence[other]), float(spared[other]))
+        self._tracks.remove([other])
+        (row,) = self._tracks.rows_of([track.id])
+        self._refresh_shape(row)
 
     def _touch(self, row: int) -> Track:
         """Return a track that is about to change, and keep a copy from before this frame."""

@@ -461,6 +461,18 @@ class Mapper:
                 self._drive.name,
                 self._drive.last,
             )
+        if self._drive.has_no_clock and not self.counts.repeated:
+            for drive in filter(self._drive.overlaps, self._earlier.drives):
+                _log.warning(
+                    "the stamps of %r (%.0f s to %.0f s) are also those of the earlier drive %r, "
+                    "so the map takes both for one: what has moved or is gone since then may stay "
+                    "where it was; record with a clock that counts from 1970",
+                    self._drive.name,
+                    self._drive.first,
+                    self._drive.last,
+                    drive.name,
+                )
+                break
         for drive in self._earlier.drives:
             if self._drive.keys and drive.is_ahead and drive.first > self._drive.last:
                 _log.warning(

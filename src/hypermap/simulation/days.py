@@ -107,6 +107,25 @@ def next_day(day: Day, seed: int, counts: DailyChanges | None = None) -> Day:
     return draft.day()
 
 
+def day_of(world: World, number: int, seed: int) -> Day:
+    """Return a world on a day of a series, as `hypermap experiment days` has them.
+
+    Args:
+        world: what there is on the first day.
+        number: of the day, from 1.
+        seed: of the series.
+    """
+    day = Day.first(world)
+    for later in range(2, number + 1):
+        day = next_day(day, seed_of_day(seed, later))
+    return day
+
+
+def seed_of_day(seed: int, number: int) -> int:
+    """Return the seed of a day's changes and errors, from that of its series."""
+    return 1000 * seed + number - 1
+
+
 class _Draft:
     """A day while it is being changed."""
 

@@ -70,6 +70,7 @@ class SimulatedRecording:
         bad_frames: float = 0.0,
         seed: int = 0,
         renders_once: bool = False,
+        start: float = 0.0,
     ) -> None:
         """Prepare a drive through a world.
 
@@ -91,6 +92,7 @@ class SimulatedRecording:
             seed: of all random numbers.
             renders_once: whether rendered frames stay in memory, half a megabyte each, for the next
                 iteration.
+            start: the stamp of the first frame [s].
 
         Raises:
             ValueError: If the world has no drive, the rate is not positive, or `bad_frames` is
@@ -111,6 +113,7 @@ class SimulatedRecording:
         self._has_masks = has_masks
         self._has_occupancy = has_occupancy
         self._renders_once = renders_once
+        self._start = start
         self._rendered: list[RgbdFrame] | None = None
         self._stamps, poses = planar_poses(world.drive, rate)
         self.true_poses = camera_poses(poses, world.drive)
@@ -185,12 +188,12 @@ class SimulatedRecording:
                 detections = noisy.detect(view.instances, self._seen_falsely(places, view, i))
             self.sightings.add(view.instances, view.depth, detections, names)
             yield RgbdFrame(
-                stamp=stamp,
+                stamp=self._start + stamp,
                 depth=self._depth_noise.measure(measured, self._rng(_DEPTH, i), dark),
                 camera=self.camera,
                 map_T_camera=self.recorded_poses[i],
                 color=view.color,
-                color_stamp=stamp,
+                color_stamp=self._start + stamp,
                 detections=detections,
             )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.colors import Color
-from hypermap.core.arrays import as_objects
+from hypermap.core.arrays import FloatArray, as_objects
 from hypermap.core.history import (
     ADDED,
     EDITED,
@@ -22,10 +22,11 @@ from hypermap.core.history import (
     NOT_REVISITED,
     RENAMED,
     RESHAPED,
+    Change,
 )
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.core.semantic import SemanticLayer
+from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.shapes import valid_copies
 from hypermap.evaluation.changes import Changes
 from hypermap.evaluation.closest import centroids
@@ -48,7 +49,13 @@ COLORS: dict[str, Color] = {
 
 
 def render_changes(
-    hypermap: Hypermap, changes: Changes, path: str | Path, *, title: str = "", size: int = 1400
+    hypermap: Hypermap,
+    changes: Changes,
+    path: str | Path,
+    *,
+    title: str = "",
+    size: int = 1400,
+    is_over_time: bool = False,
 ) -> None:
     """Draw what changed over the occupancy of the earlier map, and save it as PNG or SVG.
 
@@ -61,38 +68,52 @@ def render_changes(
         path: where to save; the suffix chooses the format.
         title: first line of the picture.
         size: pixels of the longer side of the map in a PNG.
+        is_over_time: whether the changes are those of one map, oldest first, of which some may have
+            changed again; shapes that are no longer so are not filled.
 
     Raises:
         HypermapError: If the suffix is another, or there is nothing to draw.
     """
     path = Path(path)
     check_suffix(path)
-    drawing = _compose(hypermap, changes, title)
+    drawing = _compose(hypermap, changes, title, is_over_time)
     from hypermap.viewer.drawing import draw  # loads matplotlib
 
     write_file(path, draw(drawing, path.suffix[1:].lower(), size))
 
 
-def _compose(hypermap: Hypermap, changes: Changes, title: str) -> Drawing:
+def _compose(hypermap: Hypermap, changes: Changes, title: str, is_over_time: bool) -> Drawing:
     grids = [layer for layer in hypermap if isinstance(layer, OccupancyLayer)]
     base = hypermap.base_frame
     shown = [one for change in changes.changes for one in (change.before, change.after) if one]
     things = SemanticLayer("changes", base, [replace(one, id=None) for one in shown])
     pairs = [(c.before, c.after) for c in changes.changes if c.kind == MOVED]
-    arrows = [centroids([one, other]) for one, other in pairs if one and other]
+    arrows = [_arrow(one, other) for one, other in pairs if one and other]
     count = counted(len(changes.changes), "change")
+    latest = {(change.layer, change.object.id): change for change in changes.changes}.values()
     return replace(
         compose(Hypermap([*grids, things], hypermap.frames), title=title),
-        shapes=(_after(changes), _before(changes)),
+        shapes=(_after(latest if is_over_time else changes.changes), _before(changes)),
         colors=COLORS,
         subtitle=f"{count}, {counted(changes.unchanged, 'object')} unchanged, frame {base}",
         arrows=np.array(arrows, dtype=np.float64).reshape(-1, 2, 2),
     )
 
 
-def _after(changes: Changes) -> Shapes:
+def _arrow(before: SemanticObject, after: SemanticObject) -> FloatArray:
+    """Return the ends of an arrow, shape (2, 2), from a center to the edge of a shape.
+
+    Its tip would be below the label in the center of the shape.
+    """
+    ends = centroids([before, after])
+    (shape,) = valid_copies(as_objects([after.footprint]))
+    outside = shapely.get_coordinates(shapely.difference(shapely.linestrings(ends), shape))
+    return ends if len(outside) == 0 else np.stack([ends[0], outside[-1]])
+
+
+def _after(changes: Iterable[Change]) -> Shapes:
     parts = []
-    for change in changes.changes:
+    for change in changes:
         if change.after is not None:
             label = change.after.name
             if change.before is not None and change.kind == RENAMED:
