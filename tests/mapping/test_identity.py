@@ -85,6 +85,7 @@ def test_a_clock_that_was_never_set_is_told_where_others_were(
         assert "count from 1970" not in caplog.text
         made = map_recording(Frames(undated), boxes, CONFIG, onto=first)
     assert "do not count from 1970 (10.000 s), as those of earlier drives do" in caplog.text
+    assert "what has moved or is gone since then may stay where it was" in caplog.text
     assert made.history is not None
     assert made.history.mapped is not None
     assert made.history.mapped.time is None
@@ -104,3 +105,15 @@ def test_drives_whose_clocks_both_begin_at_0_are_told_unless_they_are_one(
         assert "the map takes both for one" not in caplog.text
         map_recording(drive(0.5, 6), boxes, CONFIG, onto=first)
     assert "(0 s to 6 s) are also those of the earlier drive 'walk'" in caplog.text
+
+
+def test_a_drive_from_before_others_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    early, late = (
+        Frames([dataclasses.replace(f, stamp=t + i) for i, f in enumerate(walk().items)])
+        for t in (1.7e9, 1.7e9 + 1e5)
+    )
+    with caplog.at_level(logging.WARNING):
+        map_recording(late, boxes, CONFIG, onto=map_recording(early, boxes, CONFIG))
+        assert "map drives in order of time" not in caplog.text
+        map_recording(early, boxes, CONFIG, onto=map_recording(late, boxes, CONFIG))
+    assert "'walk' was before the drive 'walk', which the map knows already" in caplog.text

@@ -447,6 +447,10 @@ class Mapper:
     def tell_left_out(self) -> None:
         """Log how many frames more were left out, and which clocks are wrong."""
         self._left_out.log_rest()
+        self._tell_wrong_clock()
+        self._tell_wrong_order()
+
+    def _tell_wrong_clock(self) -> None:
         if self._drive.is_ahead:
             _log.warning(
                 "the stamps of %r lie in the future (%s), so the map does not know when this drive "
@@ -457,7 +461,8 @@ class Mapper:
         if self._drive.has_no_clock and any(one.time is not None for one in self._earlier.drives):
             _log.warning(
                 "the stamps of %r do not count from 1970 (%.3f s), as those of earlier drives do, "
-                "so the map does not know when this drive was; is the robot's clock set?",
+                "so the map does not know when this drive was, and what has moved or is gone since "
+                "then may stay where it was; is the robot's clock set?",
                 self._drive.name,
                 self._drive.last,
             )
@@ -473,6 +478,16 @@ class Mapper:
                     drive.name,
                 )
                 break
+
+    def _tell_wrong_order(self) -> None:
+        later = [d for d in self._earlier.drives if d.time and d.first > self._drive.last]
+        if later and self._drive.time is not None:
+            _log.warning(
+                "%r was before the drive %r, which the map knows already: what was taken away in "
+                "between may be on the map again; map drives in order of time",
+                self._drive.name,
+                later[-1].name,
+            )
         for drive in self._earlier.drives:
             if self._drive.keys and drive.is_ahead and drive.first > self._drive.last:
                 _log.warning(
