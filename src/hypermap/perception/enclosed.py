@@ -122,7 +122,7 @@ def _if_fitting(
 def _at_border(box: NDArray[np.float32], shape: tuple[int, ...]) -> bool:
     """Return whether a box ends at the border of an image, beyond which its thing may continue."""
     left, top, right, bottom = box.tolist()
-    return min(left, top, shape[1] - right, shape[0] - bottom) <= 1
+    return bool(min(left, top, shape[1] - right, shape[0] - bottom) <= 1)
 
 
 class _Inside:
