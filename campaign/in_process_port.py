@@ -13,19 +13,20 @@ import numpy as np
 from hypermap.core.arrays import FloatArray
 from hypermap.core.errors import FrameError
 from hypermap.ros import typestore
+from hypermap.ros.callbacks import Closing
 from hypermap.ros.parameters import checked
 from hypermap.ros.typestore import decode, encode, message_class, request_class, response_class
 
 _LINES = 10  # of the log that are kept
 
 
-class _Closable:
+class _Closable(Closing):
     """A publisher to whom nobody listens, a subscription, a service or a timer."""
 
     listeners = 1
 
     def __init__(self, close: Callable[[], object] = lambda: None) -> None:
-        self.close = close
+        super().__init__(close)
 
     def publish(self, message: Any) -> None:
         encode(message)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+import weakref
 from collections import Counter
 from collections.abc import Iterator
 from itertools import cycle
@@ -258,9 +259,12 @@ class _Day:
     def end(self) -> None:
         """End the node, which saves its map."""
         known = self.node.mapped()[0]
+        held = weakref.ref(cast(Any, self.node)._map)
         self.objects.append(len(known))
         self.node.deactivate()
         self.node.cleanup()
+        if held() is not None:  # Python's collector may come late: it counts objects, not MB
+            self.findings.append(f"life {self.lives} ended, but its map stays in memory")
         self.findings += strayed(known, open_map(self._saved).semantic())
 
     def meet(self, frame: RgbdFrame, event: str) -> None:

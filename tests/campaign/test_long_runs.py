@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import sys
+import time
+import weakref
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +16,14 @@ import pytest
 from hypermap.core.semantic import SemanticLayer
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.ros.mapper.semantic_mapper import SemanticMapper
+from hypermap.ros.mapper.statistics import Fate
 from hypermap.testing import square
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # as `python -m campaign` has it
 
 from campaign.part import Budget
+from campaign.robot import Robot
 
 from campaign import long_runs
 
@@ -53,11 +61,7 @@ def test_the_clock_jumps_back_beyond_the_last_frame(
 ) -> None:
     """A frame that is a little older than the last one is not lost, but too old."""
     monkeypatch.setattr(long_runs, "_PATIENCE", 20.0)
-    pose = np.diag([1.0, -1.0, -1.0, 1.0])  # looks down from 2 m
-    pose[2, 3] = 2.0
-    camera = Camera.from_intrinsics(60.0, 60.0, 31.5, 23.5, 64, 48)
-    seen = Detections.of([[20, 12, 44, 36]], ["box"])
-    frame = RgbdFrame(0.0, np.full((48, 64), 2.0, np.float32), camera, pose, detections=seen)
+    frame = _frame()
     day = long_runs._Day(tmp_path / "live.hmap", seed=1)
     monkeypatch.setattr(day, "_rng", _Least())
     day.meet(frame, "")
@@ -65,6 +69,55 @@ def test_the_clock_jumps_back_beyond_the_last_frame(
     day.meet(frame, "jump")
     day.end()
     assert day.lost == []
+
+
+def _frame() -> RgbdFrame:
+    """Return what a camera sees that looks down at the floor."""
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])  # looks down from 2 m
+    pose[2, 3] = 2.0
+    camera = Camera.from_intrinsics(60.0, 60.0, 31.5, 23.5, 64, 48)
+    seen = Detections.of([[20, 12, 44, 36]], ["box"])
+    return RgbdFrame(0.0, np.full((48, 64), 2.0, np.float32), camera, pose, detections=seen)
+
+
+def _wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.001)
+
+
+class _WithTemperature(Robot):
+    """A robot that also measures the temperature."""
+
+    def topic_type(self, _: str) -> str:
+        return "sensor_msgs/Temperature"
+
+
+@pytest.mark.parametrize("corrections", [{"path_topic": "/path"}, {"odom_frame": "odom"}])
+def test_a_node_that_ended_holds_no_memory(tmp_path: Path, corrections: dict[str, str]) -> None:
+    """Python's collector counts objects: a map of few that are large could wait for hours."""
+    robot = _WithTemperature(
+        save_to=str(tmp_path / "live.hmap"),
+        save_every=30.0 if "odom_frame" in corrections else 0.0,
+        frontiers=True,
+        values=["/temperature"],
+        **corrections,
+    )
+    node: Any = SemanticMapper(robot)  # type: ignore[arg-type]
+    node.configure()
+    gc.disable()
+    try:
+        node.activate()
+        held = [weakref.ref(node._map), weakref.ref(node._life), weakref.ref(node._life._worker)]
+        _wait_for(lambda: "/temperature" in robot.topics)
+        robot.show(_frame(), robot.clock)
+        _wait_for(lambda: node.report().totals.get(Fate.MAPPED) == 1)
+        node.deactivate()
+        node.cleanup()
+        assert [each() for each in held] == [None] * 3
+    finally:
+        gc.enable()
 
 
 def test_an_object_that_is_lost_at_the_end_is_found_and_one_that_joins_another_is_not() -> None:

@@ -89,7 +89,7 @@ def test_frontiers_and_next_views_are_published(
         for each in node.node._life._others  # type: ignore[union-attr]
         if isinstance(each, LiveExploration)
     )
-    looks = count_calls(exploration._repeating, "_work", monkeypatch)
+    looks = count_calls(exploration._repeating, "_try", monkeypatch)
     published: list[Any] = []
     publish = exploration._markers.publish
     monkeypatch.setattr(
@@ -110,8 +110,8 @@ def count_calls(owner: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> list[
     ended: list[None] = []
     call = getattr(owner, name)
 
-    def counted() -> None:
-        call()
+    def counted(*args: Any) -> None:
+        call(*args)
         ended.append(None)
 
     monkeypatch.setattr(owner, name, counted)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 import string
 import time
 from typing import Any
@@ -167,3 +168,14 @@ def test_the_limits_are_those_of_the_other_reader(
     assert dump_table(ObjectTable.of(parse_objects(text, "t")[0])) == text
     monkeypatch.setattr(limits, limit, value - 1)
     assert read_regular(text) is None
+
+
+def test_what_is_read_is_freed_without_the_collector() -> None:
+    """It counts objects, not how large they are."""
+    gc.disable()
+    try:
+        gc.collect(0)
+        assert read_regular(ENTRY.encode()) is not None
+        assert gc.collect(0) == 0
+    finally:
+        gc.enable()

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -111,7 +112,7 @@ class _Columns:
         self._confidence: list[tuple[float, ...]] = []
         self._stamps: tuple[list[NDArray[np.float64]], ...] = ([], [], [])
         self._attributes: list[dict[str, Any]] = []
-        self._known_names = _Known(self._code)
+        self._known_names = _Known(partial(_code, self._vocabulary))
         self._known_tags = _Known(_words)
         self._count = 1  # the list itself
 
@@ -153,8 +154,10 @@ class _Columns:
             vocabulary=self._vocabulary,
         )
 
-    def _code(self, text: _Text) -> int:
-        return self._vocabulary.setdefault(_word((text or b"").decode()), len(self._vocabulary))
+
+def _code(vocabulary: dict[str, int], text: _Text) -> int:
+    """Return the number of a name, which the vocabulary gets if it is new."""
+    return vocabulary.setdefault(_word((text or b"").decode()), len(vocabulary))
 
 
 def _words(text: _Text) -> tuple[str, ...]:

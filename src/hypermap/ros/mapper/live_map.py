@@ -60,10 +60,10 @@ class LiveMap:
         self.files: set[Path] = set()
         self.saves = 0
         self._frame_id = settings.map_frame.strip("/")
-        self._source = self._beside_others(_source(settings, self.config))
         self._makes_occupancy = settings.occupancy and not settings.map_topic
         self._given: OccupancyLayer | None = None
         self._lock = threading.Lock()
+        self._source = _beside_others(_source(settings, self.config), self._lock)
         self.values: list[GrowingLayer] = []
         self._grow: set[str] = set()  # names of those that samples come for now
         self._onto = onto
@@ -277,18 +277,6 @@ class LiveMap:
                 whole = with_value_layer(whole, layer)
         return whole
 
-    def _beside_others(self, source: DetectionSource) -> DetectionSource:
-        """Return a source that lets others at the map while it looks, which may take seconds."""
-
-        def look(frame: RgbdFrame) -> Detections:
-            self._lock.release()
-            try:
-                return source(frame)
-            finally:
-                self._lock.acquire()
-
-        return look
-
     def _new_mapper(self) -> Mapper:
         none = None if self._makes_occupancy else OccupancyLayer("occupancy", self._frame_id)
         mapper = Mapper(self.config, self._source, none, self._frame_id, _DRIVE)
@@ -343,6 +331,19 @@ def _config(settings: LiveSettings, onto: Hypermap | None) -> MappingConfig:
         return config_to_go_on_with(onto, asked if is_asked else None)
     except CannotGoOn as error:
         raise HypermapError(f"onto: {settings.onto}: {error}") from error
+
+
+def _beside_others(source: DetectionSource, lock: threading.Lock) -> DetectionSource:
+    """Return a source that lets others at the map while it looks, which may take seconds."""
+
+    def look(frame: RgbdFrame) -> Detections:
+        lock.release()
+        try:
+            return source(frame)
+        finally:
+            lock.acquire()
+
+    return look
 
 
 def _source(settings: LiveSettings, config: MappingConfig) -> DetectionSource:

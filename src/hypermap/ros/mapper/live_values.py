@@ -135,17 +135,12 @@ class _Quantity:
         unit = self._measured([]).unit
         self._layer: GrowingLayer = live_map.begin_values(name, name, unit)
         self._topics = [
-            OnDemand(
-                self._port,
-                topic_name(name, kind.suffix),
-                kind.type_name,
-                partial(self._message, kind),
-            )
+            (kind, OnDemand(self._port, topic_name(name, kind.suffix), kind.type_name))
             for kind in kinds_of(ValueLayer, self._port)
         ]
         topic = self._source.topic
         listener = self._port.subscribe(topic, self._type_name, self._receive, queue=100)
-        self._opened = [listener, *self._topics]
+        self._opened = [listener, *(each for _, each in self._topics)]
         self._port.log("info", f"{topic}: its samples become the layer {name!r}")
 
     def take(self) -> None:
@@ -185,8 +180,8 @@ class _Quantity:
 
     def publish(self) -> None:
         """Publish the layer if it has changed and someone listens."""
-        for topic in self._topics if self._layer.revision else ():
-            topic.publish(self._layer.revision)
+        for kind, topic in self._topics if self._layer.revision else ():
+            topic.publish(self._layer.revision, partial(self._message, kind))
 
     def close(self, live_map: LiveMap) -> None:
         """Listen no more, and bring all samples that have come into the layer."""

@@ -45,10 +45,10 @@ class LiveOutputs:
         self._semantic = port.publisher(
             settings.semantic_map_topic, "hypermap_msgs/SemanticMap", latched=True
         )
-        self._objects = OnDemand(port, "objects", "hypermap_msgs/ObjectStateArray", self._states)
+        self._objects = OnDemand(port, "objects", "hypermap_msgs/ObjectStateArray")
         self._grid: OnDemand | None = None
         if settings.occupancy and not settings.map_topic:
-            self._grid = OnDemand(port, "map", OCCUPANCY, self._occupancy)
+            self._grid = OnDemand(port, "map", OCCUPANCY)
         self._markers = LayerMarkers(port)
         self._shapes = _Polygons(port, topics.shapes)
         self._area = _Polygons(port, topics.areas)
@@ -65,9 +65,9 @@ class LiveOutputs:
             layer = self._map.semantic()
             self._semantic.publish(semantic_map(layer, self._port, self._port.now()))
             self._markers.show(Hypermap([layer]))
-        self._objects.publish(revision)
+        self._objects.publish(revision, self._states)
         if self._grid is not None:
-            self._grid.publish(revision)
+            self._grid.publish(revision, self._occupancy)
 
     def show(self, observation: Observation, stamp: int) -> None:
         """Publish what a frame of some stamp [ns] shows."""
@@ -119,16 +119,15 @@ class _Polygons:
 class OnDemand:
     """A latched topic whose message is made when someone listens and it has changed."""
 
-    def __init__(self, port: Port, topic: str, type_name: str, make: Callable[[], Message]) -> None:
+    def __init__(self, port: Port, topic: str, type_name: str) -> None:
         self._publisher = port.publisher(topic, type_name, latched=True)
-        self._make = make
         self._published = -1
 
-    def publish(self, revision: int) -> None:
+    def publish(self, revision: int, make: Callable[[], Message]) -> None:
         """Publish what there is at a revision of the map, if it is wanted and another."""
         if revision != self._published and self._publisher.listeners:
             self._published = revision
-            self._publisher.publish(self._make())
+            self._publisher.publish(make())
 
     def close(self) -> None:
         """Publish no more."""

@@ -25,10 +25,10 @@ class Repeating:
     def __init__(
         self, name: str, work: Callable[[], None], every: float, log: Throttle, failed: str
     ) -> None:
-        self._name, self._work, self._every = name, work, every
+        self._name, self._every = name, every
         self._log, self._failed = log, failed
         self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread = threading.Thread(target=self._run, args=[work], name=name, daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -36,13 +36,13 @@ class Repeating:
         self._ends.set()
         self._thread.join()
 
-    def _run(self) -> None:
+    def _run(self, work: Callable[[], None]) -> None:
         while not self._ends.wait(self._every):
-            self._try()
+            self._try(work)
 
-    def _try(self) -> None:
+    def _try(self, work: Callable[[], None]) -> None:
         try:
-            self._work()
+            work()
         except HypermapError as error:
             self._log.log("warning", self._name, f"{self._failed}: {error}")
         except Exception as error:  # the next time may succeed

@@ -37,13 +37,14 @@ class Saving:
         self._lock = threading.Lock()
         self._ends = threading.Event()
         # The wall's clock: that of a simulator or a bag may stand still.
-        self._thread = threading.Thread(target=self._work, name="saving", daemon=True)
+        self._thread: threading.Thread | None = None
         if self._path is None:
             port.log("info", "no save_to says where: the map is saved only when save_map is called")
             return
         often = f"every {self._every:g} s and " if self._every else ""
         port.log("info", f"the map is saved in {self._path}, {often}at the end")
         if self._every:
+            self._thread = threading.Thread(target=self._work, name="saving", daemon=True)
             self._thread.start()
 
     def store(self, filename: str) -> None:
@@ -74,7 +75,7 @@ class Saving:
             HypermapError: If it cannot be saved.
         """
         self._ends.set()
-        if self._thread.is_alive():
+        if self._thread is not None:
             self._thread.join()
         if self._path is None:
             return

@@ -120,7 +120,11 @@ class SemanticMapper:
 
 
 class _Life:
-    """The node from its activation to its end."""
+    """The node from its activation to its end.
+
+    Its parts do not hold what holds them, so that a map is freed as soon as the node forgets it:
+    Python's collector of cycles counts objects, not how large they are.
+    """
 
     def __init__(
         self,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,9 @@ class Worker:
         self._waits_for_tf = False
         self._jumps = 0  # how often the clock has jumped back
         self._newest = (0, 0)  # jumps before the newest frame that was taken, and its stamp [ns]
-        self._preflight = Preflight(self._warn_of, live_map.config.perception.max_depth)
+        self._preflight = Preflight(
+            _warning(port, self._map_frame), live_map.config.perception.max_depth
+        )
         self._prepare_tf()
         self._thread = threading.Thread(target=self._work, name="mapping", daemon=True)
         self._thread.start()
@@ -110,12 +113,6 @@ class Worker:
                 self._log.log("error", kind, f"a frame failed: {kind}: {error}")
         self._outputs.publish()
         self._preflight.finish()
-
-    def _warn_of(self, finding: Finding) -> None:
-        remedy = _REMEDIES.get(finding.check, finding.remedy)
-        self._port.log(
-            "warning", f"{finding.measured} ({self._map_frame!r}); {finding.effect}; {remedy}"
-        )
 
     def _take(self, jumps: int, queued: QueuedFrame) -> None:
         """Map a frame that came after so many jumps, and count what became of it."""
@@ -187,3 +184,13 @@ class Worker:
         """Let the middleware listen to tf from now on, not only from the first frame on."""
         with contextlib.suppress(FrameError):
             self._port.lookup(self._map_frame, self._map_frame)
+
+
+def _warning(port: Port, map_frame: str) -> Callable[[Finding], None]:
+    """Return what warns of a fault that the pre-flight check finds."""
+
+    def warn(finding: Finding) -> None:
+        remedy = _REMEDIES.get(finding.check, finding.remedy)
+        port.log("warning", f"{finding.measured} ({map_frame!r}); {finding.effect}; {remedy}")
+
+    return warn
