@@ -159,7 +159,7 @@ def test_of_a_damaged_history_the_rest_is_read_and_what_is_lost_is_said(
             (2, False),
             (4, True),
         ]
-    assert "a part of the map's history is lost: 1 line" in caplog.text
+    assert "a part of the map's history is lost: 1 part " in caplog.text
     with pytest.raises(HypermapError, match="in version 2 the map is not known: a later part"):
         at_version(opened, 2)
 
@@ -189,3 +189,9 @@ def test_a_map_opens_without_the_file_of_its_history(
     again = open_map(path)
     assert again.history is not None
     assert [(one.version, one.follows_loss) for one in again.history.revisions()] == [(5, True)]
+
+
+def test_after_a_file_that_was_cut_off_new_revisions_are_kept() -> None:
+    cut = dump_revision(revision(1)) + b"\n" + dump_revision(revision(2))[:-9]
+    history = History(HistoryFiles({"history.000001.jsonl": cut}), (revision(3),))
+    assert versions(history_files(history, HistoryPolicy())) == [1, 3]

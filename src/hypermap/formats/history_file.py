@@ -80,7 +80,7 @@ class HistoryFiles:
             is_lost = revision is None
             lost += is_lost
         if lost:
-            places = f"{lost} line{'' if lost == 1 else 's'} or files of it cannot be read"
+            places = f"{lost} {'part' if lost == 1 else 'parts'} of it cannot be read"
             logger.warning("%s: a part of the map's history is lost: %s", self.where, places)
         return tuple(revisions)
 
@@ -99,7 +99,10 @@ def history_files(history: History, policy: HistoryPolicy) -> dict[str, bytes]:
         name = next(reversed(kept), None)
         if name is None or len(kept[name]) > _FULL:
             name = f"{KEY}.{revision.version:06}.jsonl"
-        kept[name] = kept.get(name, b"") + dump_revision(revision) + b"\n"
+        before = kept.get(name, b"")
+        if before and not before.endswith(b"\n"):  # damaged: its end is missing
+            before += b"\n"
+        kept[name] = before + dump_revision(revision) + b"\n"
     return _bounded(kept, policy) if added else kept
 
 
