@@ -65,6 +65,21 @@ def seven_scenes(folder: Path) -> Target:
     return _folder_of_images(folder, "seven_scenes")
 
 
+def scannet(folder: Path) -> Target:
+    """A folder as ScanNet's SensReader exports it."""
+    return _folder_of_images(folder, "scannet")
+
+
+def replica(folder: Path) -> Target:
+    """A folder as Replica has it."""
+    return _folder_of_images(folder, "replica")
+
+
+def redwood(folder: Path) -> Target:
+    """A folder as Open3D's reconstruction system has it."""
+    return _folder_of_images(folder, "redwood")
+
+
 def _folder_of_images(folder: Path, kind: str) -> Target:
     shots = of_tests("recordings.shots")
     made = getattr(shots, f"write_{kind}")(folder / "made", shots.make_shots(3))

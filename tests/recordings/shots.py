@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,3 +101,50 @@ def assert_shows(frame: RgbdFrame, shot: Shot) -> None:
     np.testing.assert_array_equal(frame.depth, expected.astype(np.float32))
     np.testing.assert_allclose(frame.map_T_camera, shot.map_T_camera, atol=1e-6)
     np.testing.assert_array_equal(frame.color, shot.color)
+
+
+def write_scannet(folder: Path, shots: list[Shot]) -> Path:
+    """Write a folder as ScanNet's SensReader exports it; color is twice as large as depth."""
+    for name in ("color", "depth", "pose", "intrinsic"):
+        (folder / name).mkdir(parents=True)
+    fx, fy, cx, cy = INTRINSICS
+    K = np.array([[fx, 0, cx, 0], [0, fy, cy, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    np.savetxt(folder / "intrinsic/intrinsic_depth.txt", K, fmt="%f")
+    K[:2] *= 2
+    K[:2, 2] += 0.5  # from the centers of the large pixels to those of the small ones
+    np.savetxt(folder / "intrinsic/intrinsic_color.txt", K, fmt="%f")
+    for i, shot in enumerate(shots):
+        Image.fromarray(shot.depth_mm).save(folder / f"depth/{i}.png")
+        Image.fromarray(shot.color.repeat(2, 0).repeat(2, 1)).save(folder / f"color/{i}.png")
+        np.savetxt(folder / f"pose/{i}.txt", shot.map_T_camera, fmt="%.10f")
+    return folder
+
+
+def write_replica(folder: Path, shots: list[Shot]) -> Path:
+    """Write a folder of Replica as NICE-SLAM renders it."""
+    (folder / "results").mkdir(parents=True)
+    fx, fy, cx, cy = INTRINSICS
+    camera = {"w": WIDTH, "h": HEIGHT, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "scale": 5000.0}
+    (folder / "cam_params.json").write_text(json.dumps({"camera": camera}))
+    for i, shot in enumerate(shots):
+        Image.fromarray(shot.depth_mm * np.uint16(5)).save(folder / f"results/depth{i:06d}.png")
+        Image.fromarray(shot.color).save(folder / f"results/frame{i:06d}.png")
+    np.savetxt(folder / "traj.txt", [shot.map_T_camera.ravel() for shot in shots])
+    return folder
+
+
+def write_redwood(folder: Path, shots: list[Shot]) -> Path:
+    """Write a folder as Open3D's reconstruction system has it; its images count from 1."""
+    for name in ("color", "depth", "scene"):
+        (folder / name).mkdir(parents=True)
+    fx, fy, cx, cy = INTRINSICS
+    K = [fx, 0, 0, 0, fy, 0, cx, cy, 1]
+    (folder / "camera_intrinsic.json").write_text(json.dumps({"intrinsic_matrix": K}))
+    lines = []
+    for i, shot in enumerate(shots):
+        Image.fromarray(shot.depth_mm).save(folder / f"depth/{i + 1:05d}.png")
+        Image.fromarray(shot.color).save(folder / f"color/{i + 1:05d}.png")
+        rows = (" ".join(f"{number:.9f}" for number in row) for row in shot.map_T_camera)
+        lines += [f"{i} {i} {i + 1}", *rows]
+    (folder / "scene/trajectory.log").write_text("\n".join(lines) + "\n")
+    return folder

@@ -11,10 +11,11 @@ from .shots import make_shots, write_seven_scenes, write_tum
 
 LOOKED_FOR = (
     "looked for a TUM RGB-D folder (rgb.txt, depth.txt, groundtruth.txt), a 7-Scenes folder "
-    "(frame-000000.color.jpg or .png, .depth.png, .pose.txt, ...), a ROS 1 bag (NAME.bag, or a "
-    "folder of its parts NAME_0.bag, NAME_1.bag, ...) or a ROS 2 bag (a folder with "
-    "metadata.yaml, NAME.db3 or NAME.mcap); docs/recordings.md shows how to convert others, such "
-    "as ScanNet's and Replica's"
+    "(frame-000000.color.jpg or .png, .depth.png, .pose.txt, ...), a ScanNet or Open3D folder "
+    "(depth/0.png, color/0.jpg, pose/0.txt or trajectory.log, ...), a Replica folder "
+    "(results/depth000000.png, traj.txt, ...), a ROS 1 bag (NAME.bag, or a folder of its parts "
+    "NAME_0.bag, NAME_1.bag, ...) or a ROS 2 bag (a folder with metadata.yaml, NAME.db3 or "
+    "NAME.mcap); docs/recordings.md shows how to convert others"
 )
 
 
@@ -25,6 +26,8 @@ LOOKED_FOR = (
         (["rgb.txt"], "TUM RGB-D"),
         (["frame-000007.depth.png"], "7-Scenes"),
         (["frame-000007.pose.txt"], "7-Scenes"),
+        (["results/depth000000.png"], "Replica"),
+        (["depth/0.png"], "numbered images"),
         (["metadata.yaml", "x_0.db3"], "ROS 2 bag"),
         (["x_0.mcap"], "ROS 2 bag"),
         (["x_0.bag", "x_1.bag"], "ROS 1 bag"),
@@ -34,6 +37,7 @@ def test_a_folder_is_recognised_by_what_lies_in_it(
     tmp_path: Path, files: list[str], kind: str
 ) -> None:
     for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     info = open_recording(tmp_path).info()
     assert info.format == kind

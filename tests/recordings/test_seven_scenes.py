@@ -116,14 +116,14 @@ def remove_all(pattern: str) -> Callable[[Path], None]:
         (
             remove_all("camera-intrinsics.txt"),
             FileMissing,
-            "{}/camera-intrinsics.txt: there is no such file, nor one folder up; give --intrinsics "
-            "(the data set's page says 585,585,320,240)",
+            "{}: there are no intrinsics, here or one folder up: expected camera-intrinsics.txt; "
+            "or give --intrinsics (the data set's page says 585,585,320,240)",
         ),
         (
             text_of("camera-intrinsics.txt", "585 585 320 240"),
             FormatError,
-            "{}/camera-intrinsics.txt: expected 3 rows of 3 numbers, found rows of these "
-            "lengths: 4",
+            "{}/camera-intrinsics.txt: expected 3 rows of 3 or 4 rows of 4 numbers, found rows of "
+            "these lengths: 4",
         ),
         (
             text_of("camera-intrinsics.txt", "0 0 1\n0 1 1\n0 0 1\n"),
@@ -139,14 +139,13 @@ def remove_all(pattern: str) -> Callable[[Path], None]:
         (
             text_of("camera-intrinsics.txt", ""),
             FormatError,
-            "{}/camera-intrinsics.txt: expected 3 rows of 3 numbers, found rows of these "
-            "lengths: none",
+            "{}/camera-intrinsics.txt: expected 3 rows of 3 or 4 rows of 4 numbers, found rows of "
+            "these lengths: none",
         ),
         (
             remove_all("*.pose.txt"),
-            FormatError,
-            "{}: there is no complete frame: 4 depth images, 4 color images and 0 poses, 0 of "
-            "them without tracking",
+            FileMissing,
+            "{}: there are no camera poses, expected frame-*.pose.txt; SLAM estimates them",
         ),
         (
             remove_all("*.depth.png"),

@@ -64,7 +64,7 @@ def command(
             metavar="RECORDING",
             show_default=False,
             readable=False,
-            help="A folder of images (TUM RGB-D, 7-Scenes) or a ROS bag.",
+            help="A folder of images (TUM RGB-D, 7-Scenes, ScanNet, Replica) or a ROS bag.",
         ),
     ] = None,
     detector: Detector = None,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from hypermap.recordings.pictures import (
     depth_in_meters,
     picture_size,
     read_file,
+    seen_by,
 )
 
 if TYPE_CHECKING:
@@ -62,12 +63,15 @@ class ShotReader:
     Attributes:
         depth_camera: of all depth images.
         units_per_meter: of their integers.
+        color_camera: of color images that have another size, taken from the same place; None if
+            they are registered.
         registration: of depth to color; None if depth is already registered.
         rotate: degrees by which to rotate the images clockwise.
     """
 
     depth_camera: Camera
     units_per_meter: float
+    color_camera: Camera | None
     registration: Registration | None
     rotate: int
 
@@ -86,29 +90,24 @@ class ShotReader:
         Raises:
             HypermapError: If its pose or its depth image cannot be read.
         """
-        pose, camera = self.pose(shot), self.depth_camera
+        pose, camera, color_camera = self.pose(shot), self.depth_camera, self.color_camera
         depth = load_depth(shot.depth, camera, self.units_per_meter)
         if self.registration is not None:
             depth, camera = self.registration.depth(depth, camera), self.registration.camera
+            color_camera = None
         frame = RgbdFrame(
             stamp=shot.stamp,
             depth=depth,
             camera=camera,
             map_T_camera=pose,
-            color=partial(load_color, shot.color, camera) if shot.color else None,
+            color=partial(load_color, shot.color, camera, color_camera) if shot.color else None,
             color_stamp=shot.color_stamp,
         )
         return turned(frame, self.rotate)
 
 
 class ImageFolder(ABC):
-    """A recording that is a folder of depth and color images with poses.
-
-    Attributes:
-        depth_scale: units of its depth images per meter, unless the options say otherwise.
-    """
-
-    depth_scale: ClassVar[float]
+    """A recording that is a folder of depth and color images with poses."""
 
     def __init__(self, path: Path, options: RecordingOptions) -> None:
         self._path = path
@@ -143,7 +142,9 @@ class ImageFolder(ABC):
         for note in self._left_out:
             _log.warning("%s: %s", self._path, note)
         scale = self._options.depth_scale or self.depth_scale
-        reader = ShotReader(depth_camera, scale, registration, self._options.rotate)
+        reader = ShotReader(
+            depth_camera, scale, self._color_camera, registration, self._options.rotate
+        )
         for shot in shots:
             try:
                 pose = reader.pose(shot)
@@ -157,8 +158,18 @@ class ImageFolder(ABC):
 
     @property
     @abstractmethod
+    def depth_scale(self) -> float:
+        """Units of its depth images per meter, unless the options say otherwise."""
+
+    @property
+    @abstractmethod
     def _camera(self) -> Camera:
-        """The camera of all images."""
+        """The camera of the depth images."""
+
+    @property
+    def _color_camera(self) -> Camera | None:
+        """That of color, if its images have another size but are taken from the same place."""
+        return None
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -224,8 +235,13 @@ def load_depth(path: Path, camera: Camera, units_per_meter: float) -> NDArray[np
     return depth_in_meters(integers, units_per_meter)
 
 
-def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:
-    """Return a color image, RGB, uint8, shape (H, W, 3).
+def load_color(path: Path, camera: Camera, color_camera: Camera | None = None) -> NDArray[np.uint8]:
+    """Return a color image as `camera` sees it, RGB, uint8, shape (H, W, 3).
+
+    Args:
+        path: of the image.
+        camera: the one whose pixels are asked for.
+        color_camera: that of the image, in the same place; None takes `camera`.
 
     Raises:
         FileMissing: If there is no such file.
@@ -236,6 +252,9 @@ def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:
         color = decode_color(content)
     except FormatError as error:
         raise FormatError(str(error), path=path) from None
+    if color_camera is not None:
+        _check_size(path, color.shape, color_camera, "the first color image")
+        return seen_by(color, color_camera.K, camera)
     _check_size(path, color.shape, camera, "the depth image (color must be registered to depth)")
     return color
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.perception.recording import PendingRecording
+from hypermap.recordings.layouts import layout_of
 from hypermap.recordings.options import RecordingOptions
 
 _LOOKED_FOR = (
     "a TUM RGB-D folder (rgb.txt, depth.txt, groundtruth.txt), "
     "a 7-Scenes folder (frame-000000.color.jpg or .png, .depth.png, .pose.txt, ...), "
+    "a ScanNet or Open3D folder (depth/0.png, color/0.jpg, pose/0.txt or trajectory.log, ...), "
+    "a Replica folder (results/depth000000.png, traj.txt, ...), "
     "a ROS 1 bag (NAME.bag, or a folder of its parts NAME_0.bag, NAME_1.bag, ...) or a ROS 2 bag "
     "(a folder with metadata.yaml, NAME.db3 or NAME.mcap); docs/recordings.md shows how to convert "
-    "others, such as ScanNet's and Replica's"
+    "others"
 )
 _BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
 
@@ -63,10 +67,10 @@ def _recognise(path: Path) -> Callable[[Path, RecordingOptions], PendingRecordin
         from hypermap.recordings.tum import TumRecording
 
         return TumRecording
-    if next(path.glob("frame-*.depth.png"), None) or next(path.glob("frame-*.pose.txt"), None):
-        from hypermap.recordings.seven_scenes import SevenScenesRecording
+    if (layout := layout_of(path)) is not None:
+        from hypermap.recordings.numbered import NumberedRecording
 
-        return SevenScenesRecording
+        return partial(NumberedRecording, layout=layout)
     if any(file.suffix in _BAG_ENDINGS for file in path.iterdir()):
         return _bag()
     return None

@@ -17,6 +17,7 @@ from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.pictures import MOST_SCANS, START_OF_JPEG, scans_of
 from hypermap.formats.atomic import is_folder
 from hypermap.formats.store import open_file
+from hypermap.perception.frame import Camera
 
 MAX_PIXELS = 50_000_000
 MAX_BYTES = 8 * MAX_PIXELS  # of a picture's file
@@ -88,6 +89,25 @@ def depth_in_meters(integers: NDArray[np.uint16], units_per_meter: float) -> NDA
     for value in (0, np.iinfo(np.uint16).max):
         np.copyto(depth, np.nan, where=integers == value)
     return depth
+
+
+def seen_by(
+    color: NDArray[np.uint8], color_K: NDArray[np.float64], camera: Camera
+) -> NDArray[np.uint8]:
+    """Return a picture as a camera in the same place sees it: RGB, shape (H, W, 3); black outside.
+
+    Args:
+        color: RGB, shape (h, w, 3).
+        color_K: pinhole matrix of its camera [pixels], shape (3, 3).
+        camera: the other one.
+    """
+    to_color = color_K @ np.linalg.inv(camera.K)  # of pixels, whose centers are whole numbers
+    # Pillow's coordinates have the centers of pixels at one half.
+    to_color[:2, 2] += 0.5 - to_color[:2, :2].sum(axis=1) / 2
+    size, numbers = (camera.width, camera.height), tuple(to_color[:2].ravel().tolist())
+    with Image.fromarray(color) as image:
+        affine, bilinear = Image.Transform.AFFINE, Image.Resampling.BILINEAR
+        return np.asarray(image.transform(size, affine, numbers, bilinear))
 
 
 @contextmanager

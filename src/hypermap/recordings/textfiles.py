@@ -70,19 +70,19 @@ def finite_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
     return numbers
 
 
-def read_matrix(path: Path, size: int) -> NDArray[np.float64]:
-    """Return a square matrix; it may hold NaN and infinite numbers.
+def read_matrix(path: Path, *sizes: int) -> NDArray[np.float64]:
+    """Return a square matrix of one of some sizes; it may hold NaN and infinite numbers.
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it does not hold `size` rows of `size` numbers.
+        FormatError: If it does not hold as many rows as numbers in each.
     """
     rows = [parse_numbers(words_of(text), path, key) for key, text in read_lines(path)]
-    if [len(row) for row in rows] != [size] * size:
+    if [len(row) for row in rows] not in [[size] * size for size in sizes]:
         found = ", ".join(str(len(row)) for row in rows[:10]) or "none"
+        expected = " or ".join(f"{size} rows of {size}" for size in sizes)
         raise FormatError(
-            f"expected {size} rows of {size} numbers, found rows of these lengths: {found}",
-            path=path,
+            f"expected {expected} numbers, found rows of these lengths: {found}", path=path
         )
     return np.array(rows)
 

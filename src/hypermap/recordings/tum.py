@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property, partial
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
@@ -34,7 +33,7 @@ class TumRecording(ImageFolder):
     Source: the benchmark's page on file formats (Sturm et al., IROS 2012).
     """
 
-    depth_scale: ClassVar[float] = 5000.0
+    depth_scale = 5000.0
 
     def __len__(self) -> int:
         """Return the number of frames."""

@@ -1,12 +1,11 @@
-"""Folders in the layout of the 7-Scenes data set."""
+"""Folders of images whose names contain the number of their frame: 7-Scenes, ScanNet, Replica."""
 
 from __future__ import annotations
 
-import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,14 @@ from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.trajectory import trajectory_of
 from hypermap.perception.frame import Camera
 from hypermap.perception.recording import RecordingInfo, Stream
-from hypermap.recordings.folders import ImageFolder, Shot
-from hypermap.recordings.options import RecordingOptions, nearest_rigid
+from hypermap.recordings.folders import ImageFolder, Shot, usual_size
+from hypermap.recordings.intrinsics_files import Intrinsics, color_intrinsics, depth_intrinsics
+from hypermap.recordings.layouts import POSES_USE, FoundFiles, Layout
+from hypermap.recordings.numbered_poses import NumberedPose, read_numbered_poses
+from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.problems import problems_of
-from hypermap.recordings.textfiles import read_matrix
 
 FRAME_RATE = 30.0  # frames per second; the files carry no times
-_FILE = re.compile(r"frame-(\d+)\.(color\.jpg|color\.png|depth\.png|pose\.txt)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +49,32 @@ class NumberedFrame:
         return options.poses_in_map(self.world_T_camera)
 
 
-class SevenScenesRecording(ImageFolder):
-    """A folder with `frame-000000.color.jpg`, `.depth.png` and `.pose.txt`, and so on.
+class NumberedRecording(ImageFolder):
+    """A folder of depth and color images whose names contain the number of their frame.
 
-    Depth has 16 bits, in millimeters, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
-    takes camera points to the world, which need not be level (`map_T_world`). The 3 x 3
-    matrix of the intrinsics is in `camera-intrinsics.txt`, next to the frames or one folder up.
+    Depth has 16 bits, in millimeters if nothing says otherwise, 0 and 65535 for no return. A pose
+    is a 4 x 4 matrix that takes camera points to the world, which need not be level
+    (`map_T_world`). Color may have another size than depth, if a file has its intrinsics: both are
+    then of cameras in one place, as in ScanNet.
 
-    Source: Shotton et al., CVPR 2013, and the data set's page.
+    Sources: the pages of 7-Scenes (Shotton et al., CVPR 2013), ScanNet (Dai et al., CVPR 2017) and
+    Redwood (Choi et al., CVPR 2015), and NICE-SLAM's Replica (Zhu et al., CVPR 2022).
     """
 
-    depth_scale: ClassVar[float] = 1000.0
+    def __init__(self, path: Path, options: RecordingOptions, layout: Layout) -> None:
+        super().__init__(path, options)
+        self._layout = layout
+        self._files = FoundFiles(path, layout)
 
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self._frames)
+
+    @property
+    def depth_scale(self) -> float:
+        """Units of depth per meter: those of the file of intrinsics, or of the layout."""
+        said = None if self._intrinsics is None else self._intrinsics.depth_scale
+        return said or self._layout.depth_scale
 
     def _shots(self) -> list[Shot]:
         return [
@@ -79,27 +90,18 @@ class SevenScenesRecording(ImageFolder):
 
     def info(self) -> RecordingInfo:
         """Return what is in the folder and what is missing."""
-        streams = tuple(
-            Stream(f"frame-*.{ending}", kind, len(self._files[ending]), use)
-            for ending, kind, use in (
-                ("depth.png", "depth images", "geometry"),
-                ("color.jpg", "color images", "detection of objects"),
-                ("color.png", "color images", "detection of objects"),
-                ("pose.txt", "camera poses", "where each image was taken"),
-            )
-            if self._files[ending]
-        )
         missing = []
-        if not (self._files["color.jpg"] or self._files["color.png"]):
+        if not self._files.color:
             missing.append(
-                "there are no color images frame-*.color.jpg or .color.png: "
+                f"there are no color images {self._layout.color.example}: "
                 "without them no objects can be detected"
             )
         frames, duration, image_size = 0, 0.0, None
         notes = [f"stamps are frame numbers at {FRAME_RATE:g} Hz"]
         if self._options.map_T_world is None:
             notes.append("the world is taken as level, z up; if it is not, give --world-transform")
-        problems = problems_of(self, "_frames", "_camera", "_registration")
+        needs = ("_poses", "_frames", "_camera", "_color_camera", "_registration")
+        problems = problems_of(self, *needs)
         if not problems:
             frames = len(self._frames)
             duration = self._frames[-1].stamp - self._frames[0].stamp
@@ -107,25 +109,22 @@ class SevenScenesRecording(ImageFolder):
             notes += self._left_out
         return RecordingInfo(
             self._path,
-            "7-Scenes",
+            self._layout.name,
             duration,
             frames,
             image_size,
-            streams,
+            tuple(self._streams()),
             (*missing, *problems),
             tuple(notes),
         )
 
-    @cached_property
-    def _files(self) -> dict[str, dict[int, Path]]:
-        """The files of each ending by frame number."""
-        files: dict[str, dict[int, Path]] = {
-            ending: {} for ending in ("color.jpg", "color.png", "depth.png", "pose.txt")
-        }
-        for path in self._path.iterdir():
-            if match := _FILE.fullmatch(path.name):
-                files[match[2]][int(match[1])] = path
-        return files
+    def _streams(self) -> Iterator[Stream]:
+        files = self._files
+        yield from files.streams()
+        if files.trajectory is not None:
+            name = files.trajectory.relative_to(self._path).as_posix()
+            count = 0 if problems_of(self, "_poses") else len(self._poses)
+            yield Stream(name, "camera poses", count, POSES_USE if count else "")
 
     @property
     def _frames(self) -> tuple[NumberedFrame, ...]:
@@ -141,18 +140,13 @@ class SevenScenesRecording(ImageFolder):
 
         All frames may lack color, but if most have it, the others are skipped.
         """
-        depths, poses = self._files["depth.png"], self._files["pose.txt"]
-        colors = self._files["color.png"] | self._files["color.jpg"]
-        wanted = [depths, poses, colors] if colors else [depths, poses]
-        complete = sorted(set.intersection(*(set(files) for files in wanted)))
+        depths, colors, poses = self._files.depth, self._files.color, self._poses
+        wanted = [set(depths), set(poses), *([set(colors)] if colors else [])]
+        complete = sorted(set.intersection(*wanted))
         incomplete = len(set(depths) | set(poses) | set(colors)) - len(complete)
         frames, lost = [], 0
         for number in complete:
-            pose: NDArray[np.float64] | FormatError | None
-            try:
-                pose = read_pose(poses[number])
-            except FormatError as error:
-                pose = error
+            pose = poses[number]
             if pose is None:
                 lost += 1
             else:
@@ -183,30 +177,45 @@ class SevenScenesRecording(ImageFolder):
         return tuple(frames[:: self._options.every]), tuple(notes)
 
     @cached_property
-    def _camera(self) -> Camera:
-        width, height = self._depth_size([(frame.depth, frame.color) for frame in self._frames])
-        return self._options.camera(width, height) or self._own_camera(width, height)
-
-    def _own_camera(self, width: int, height: int) -> Camera:
-        places = [folder / "camera-intrinsics.txt" for folder in (self._path, self._path.parent)]
-        path = next((place for place in places if place.is_file()), None)
-        if path is None:
+    def _poses(self) -> dict[int, NumberedPose]:
+        if self._files.depth and not self._files.poses and self._files.trajectory is None:
+            names = filter(None, [self._layout.poses.example, *self._layout.trajectories])
             raise FileMissing(
-                f"{places[0]}: there is no such file, nor one folder up; give --intrinsics "
-                "(the data set's page says 585,585,320,240)"
+                f"{self._path}: there are no camera poses, expected {' or '.join(names)}; SLAM "
+                "estimates them"
             )
-        try:
-            camera = Camera(read_matrix(path, 3), width, height)
-        except ValueError as error:
-            raise FormatError(str(error), path=path) from None
-        cx, cy = camera.K[:2, 2]
-        if not (0 < cx < width and 0 < cy < height):
-            raise FormatError(
-                f"the principal point ({cx:g}, {cy:g}) is not on the images of {width} x {height} "
-                "pixels: these intrinsics are for another image size; give --intrinsics",
-                path=path,
+        return read_numbered_poses(self._files)
+
+    @cached_property
+    def _intrinsics(self) -> Intrinsics | None:
+        """Those of depth in a file; None if there is none."""
+        return depth_intrinsics(self._path)
+
+    @cached_property
+    def _camera(self) -> Camera:
+        has_own_color = color_intrinsics(self._path) is not None
+        frames = [(frame.depth, None if has_own_color else frame.color) for frame in self._frames]
+        width, height = self._depth_size(frames)
+        given = self._options.camera(width, height)
+        if given is not None:
+            return given
+        if self._intrinsics is None:
+            raise FileMissing(
+                f"{self._path}: there are no intrinsics, here or one folder up: "
+                f"{self._layout.intrinsics}"
             )
-        return camera
+        return self._intrinsics.camera(width, height)
+
+    @cached_property
+    def _color_camera(self) -> Camera | None:
+        intrinsics = color_intrinsics(self._path)
+        colors = [(frame.color, None) for frame in self._frames if frame.color is not None]
+        if intrinsics is None or not colors:
+            return None
+        width, height = usual_size(colors)
+        if (width, height) == (self._camera.width, self._camera.height):
+            return None
+        return intrinsics.camera(width, height)
 
 
 def moved_in_time(
@@ -225,18 +234,3 @@ def moved_in_time(
     return [
         replace(frame, world_T_camera=pose) for frame, pose in zip(found, moved, strict=True)
     ], len(posed) - len(found)
-
-
-def read_pose(path: Path) -> NDArray[np.float64] | None:
-    """Return the pose in a file, shape (4, 4); None where tracking was lost.
-
-    Raises:
-        FormatError: If it is not a 4 x 4 matrix of a rigid transform.
-    """
-    pose = read_matrix(path, 4)
-    if not np.isfinite(pose).all():
-        return None
-    try:
-        return nearest_rigid(pose)
-    except ValueError as error:
-        raise FormatError(str(error), path=path) from None

@@ -1,0 +1,114 @@
+"""Finds the intrinsics of a folder of images in the files that data sets keep them in."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FormatError
+from hypermap.perception.frame import Camera
+from hypermap.recordings.textfiles import MAX_BYTES, read_matrix
+
+_MATRICES = (  # of depth; those of color are named alike
+    "camera-intrinsics.txt",
+    "intrinsic/intrinsic_depth.txt",
+    "intrinsic_depth.txt",
+    "intrinsics_depth.txt",
+)
+_JSON = ("cam_params.json", "camera_primesense.json", "camera_intrinsic.json", "intrinsic.json")
+
+
+@dataclass(frozen=True, eq=False)
+class Intrinsics:
+    """What a file says about a camera.
+
+    Attributes:
+        path: the file.
+        K: pinhole matrix [pixels], shape (3, 3).
+        depth_scale: units of depth per meter; None if the file does not say.
+    """
+
+    path: Path
+    K: NDArray[np.float64]
+    depth_scale: float | None = None
+
+    def camera(self, width: int, height: int) -> Camera:
+        """Return the camera of images of a size.
+
+        Raises:
+            FormatError: If the intrinsics cannot be those of such images.
+        """
+        try:
+            camera = Camera(self.K, width, height)
+        except ValueError as error:
+            raise FormatError(str(error), path=self.path) from None
+        cx, cy = camera.K[:2, 2]
+        if not (0 < cx < width and 0 < cy < height):
+            raise FormatError(
+                f"the principal point ({cx:g}, {cy:g}) is not on the images of {width} x {height} "
+                "pixels: these intrinsics are for another image size; give --intrinsics",
+                path=self.path,
+            )
+        return camera
+
+
+def depth_intrinsics(folder: Path) -> Intrinsics | None:
+    """Return the intrinsics of depth, from a file in a folder or one folder up; None without.
+
+    Raises:
+        FormatError: If the first file that is found does not contain intrinsics.
+    """
+    for path in _existing(folder, (*_MATRICES, *_JSON)):
+        return _read_json(path) if path.suffix == ".json" else Intrinsics(path, _read_text(path))
+    return None
+
+
+def color_intrinsics(folder: Path) -> Intrinsics | None:
+    """Return the intrinsics of color where they have a file of their own, as ScanNet's do.
+
+    Raises:
+        FormatError: If the file does not contain intrinsics.
+    """
+    names = [name.replace("depth", "color") for name in _MATRICES if "depth" in name]
+    for path in _existing(folder, names):
+        return Intrinsics(path, _read_text(path))
+    return None
+
+
+def _existing(folder: Path, names: tuple[str, ...] | list[str]) -> Iterator[Path]:
+    places = (place / name for place in (folder, folder.parent) for name in names)
+    return (place for place in places if place.is_file())
+
+
+def _read_text(path: Path) -> NDArray[np.float64]:
+    """Return a matrix of 3 x 3, or the part of one of 4 x 4, in a text file."""
+    return read_matrix(path, 3, 4)[:3, :3]
+
+
+def _read_json(path: Path) -> Intrinsics:
+    """Return what a file of NICE-SLAM's Replica or of Open3D says."""
+    if path.stat().st_size > MAX_BYTES:
+        raise FormatError("too large for a file of intrinsics", path=path)
+    try:
+        said: Any = json.loads(path.read_text(encoding="utf-8"))
+        if "intrinsic_matrix" in said:  # Open3D's, column by column
+            return Intrinsics(path, np.array(said["intrinsic_matrix"], float).reshape(3, 3).T)
+        camera = said["camera"]
+        fx, fy, cx, cy = (float(camera[name]) for name in ("fx", "fy", "cx", "cy"))
+        scale = float(camera["scale"]) if "scale" in camera else None
+        if scale is not None and not 0 < scale < math.inf:
+            raise ValueError("the scale is not positive")
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise FormatError(
+            "expected the intrinsics fx, fy, cx and cy under camera, or Open3D's intrinsic_matrix; "
+            "give --intrinsics",
+            path=path,
+        ) from None
+    return Intrinsics(path, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), scale)

@@ -1,0 +1,77 @@
+"""Reads the camera poses of a folder whose files carry the numbers of their frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FormatError
+from hypermap.recordings.layouts import FoundFiles
+from hypermap.recordings.options import nearest_rigid
+from hypermap.recordings.textfiles import parse_numbers, read_lines, read_matrix, words_of
+
+# As recorded, shape (4, 4); None where tracking was lost; or why it cannot be read.
+NumberedPose = NDArray[np.float64] | FormatError | None
+
+
+def read_numbered_poses(files: FoundFiles) -> dict[int, NumberedPose]:
+    """Return the poses of a folder by the number of their frame.
+
+    Raises:
+        FormatError: If one file of all poses cannot be read.
+    """
+    if files.trajectory is None:
+        return {number: _pose_in(path) for number, path in files.poses.items()}
+    poses = _poses_in(files.trajectory)
+    numbers = list(files.depth)
+    if len(numbers) == len(poses):
+        return dict(zip(numbers, poses, strict=True))
+    # Some images are absent, so their numbers count. Most data sets count from 0, some from 1.
+    return dict(enumerate(poses, start=1 if numbers[-1:] == [len(poses)] else 0))
+
+
+def _pose_in(path: Path) -> NumberedPose:
+    try:
+        return _rigid(read_matrix(path, 4), path)
+    except FormatError as error:
+        return error
+
+
+def _poses_in(path: Path) -> list[NumberedPose]:
+    """Return the poses of a file of all: 16 numbers a line, or four rows after a line of three.
+
+    Source of the second format: Choi et al., CVPR 2015 (Redwood), as Open3D writes it.
+    """
+    rows = [parse_numbers(words_of(text), path, key) for key, text in read_lines(path)]
+    if path.suffix == ".log":
+        lengths, expected = [3, 4, 4, 4, 4], "groups of three numbers and four rows of four"
+    else:
+        lengths, expected = [16], "16 numbers in each line"
+    count = len(lengths)
+    if not rows or [len(row) for row in rows] != lengths * (len(rows) // count):
+        raise FormatError(f"expected {expected}, row by row of a 4 x 4 matrix", path=path)
+    poses = [np.concatenate(rows[i : i + count])[-16:] for i in range(0, len(rows), count)]
+    return [_rigid_or_error(pose.reshape(4, 4), path) for pose in poses]
+
+
+def _rigid_or_error(matrix: NDArray[np.float64], path: Path) -> NumberedPose:
+    try:
+        return _rigid(matrix, path)
+    except FormatError as error:
+        return error
+
+
+def _rigid(matrix: NDArray[np.float64], path: Path) -> NDArray[np.float64] | None:
+    """Return the pose in a matrix; None if a number says that tracking was lost.
+
+    Raises:
+        FormatError: If it is not that of a rigid transform.
+    """
+    if not np.isfinite(matrix).all():
+        return None
+    try:
+        return nearest_rigid(matrix)
+    except ValueError as error:
+        raise FormatError(str(error), path=path) from None

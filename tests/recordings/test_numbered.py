@@ -1,0 +1,197 @@
+"""Folders of images whose names contain the number of their frame, besides those of 7-Scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.recordings import RecordingOptions, open_recording
+
+from .shots import (
+    INTRINSICS,
+    SHOTS,
+    Shot,
+    assert_shows,
+    write_redwood,
+    write_replica,
+    write_scannet,
+)
+
+Write = Callable[[Path, list[Shot]], Path]
+
+
+@pytest.mark.parametrize(
+    ("write", "kind", "names"),
+    [
+        (write_scannet, "numbered images", ["depth/*.png", "color/*.png", "pose/*.txt"]),
+        (write_replica, "Replica", ["results/depth*.png", "results/frame*.png", "traj.txt"]),
+        (
+            write_redwood,
+            "numbered images",
+            ["depth/*.png", "color/*.png", "scene/trajectory.log"],
+        ),
+    ],
+)
+def test_the_frames_of_a_folder_are_what_was_written(
+    tmp_path: Path, write: Write, kind: str, names: list[str]
+) -> None:
+    recording = open_recording(write(tmp_path / "scene", SHOTS))
+    info = recording.info()
+    assert (info.format, info.frames, info.image_size, info.missing) == (kind, 4, (32, 24), ())
+    assert [(s.name, s.count) for s in info.streams] == [(name, 4) for name in names]
+    for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+        K = frame.camera.K
+        assert (K[0, 0], K[1, 1], K[0, 2], K[1, 2]) == INTRINSICS
+
+
+def test_color_of_another_camera_is_seen_by_the_depth_camera(tmp_path: Path) -> None:
+    folder = write_scannet(tmp_path / "scene", SHOTS)
+    # The color camera sees half as far to each side, at the same size of a pixel: a red picture.
+    K = np.diag([26.0, 27.0, 1.0])
+    K[:2, 2] = 7.5, 5.25
+    np.savetxt(folder / "intrinsic/intrinsic_color.txt", K)
+    red = np.zeros((12, 16, 3), np.uint8) + np.uint8([255, 0, 0])
+    for path in folder.glob("color/*.png"):
+        Image.fromarray(red).save(path)
+    frame = next(open_recording(folder).frames())
+    assert frame.color is not None
+    inside = np.zeros((24, 32), bool)
+    inside[6:18, 8:24] = True
+    assert (frame.color[inside] == [255, 0, 0]).all()
+    assert not frame.color[~inside].any()
+
+
+def test_depth_can_be_registered_to_color_with_the_files_of_both_cameras(tmp_path: Path) -> None:
+    folder = write_scannet(tmp_path / "scene", SHOTS)
+    options = RecordingOptions(register=True, color_intrinsics=(52, 54, 31.5, 23))
+    frame = next(open_recording(folder, options).frames())
+    assert frame.depth.shape == (48, 64)
+    np.testing.assert_array_equal(frame.color, SHOTS[0].color.repeat(2, 0).repeat(2, 1))
+
+
+@pytest.mark.parametrize(
+    ("write", "first", "kept"),
+    [(write_replica, "results/{}{:06d}.png", [0, 2, 3]), (write_redwood, "{}/{:05d}.png", [2, 4])],
+)
+def test_poses_of_one_file_belong_to_the_images_of_their_number(
+    tmp_path: Path, write: Write, first: str, kept: list[int]
+) -> None:
+    folder = write(tmp_path / "scene", SHOTS)
+    start = 0 if write is write_replica else 1
+    depth, color = ("depth", "frame") if write is write_replica else ("depth", "color")
+    for number in {start + i for i in range(4)} - set(kept):
+        (folder / first.format(depth, number)).unlink()
+        (folder / first.format(color, number)).unlink()
+    recording = open_recording(folder)
+    for frame, number in zip(recording.frames(), kept, strict=True):
+        assert_shows(frame, SHOTS[number - start])
+    notes = recording.info().notes
+    assert f"{4 - len(kept)} frames lack an image or a pose and are left out" in notes
+
+
+def test_intrinsics_may_lie_one_folder_up_as_those_of_all_scenes_of_replica(tmp_path: Path) -> None:
+    folder = write_replica(tmp_path / "room0", SHOTS)
+    (folder / "cam_params.json").rename(tmp_path / "cam_params.json")
+    assert_shows(next(open_recording(folder).frames()), SHOTS[0])
+
+
+def test_frames_without_tracking_are_left_out(tmp_path: Path) -> None:
+    folder = write_replica(tmp_path / "room0", SHOTS)
+    lines = (folder / "traj.txt").read_text().splitlines()
+    lines[1] = " ".join(["-inf"] * 16)
+    (folder / "traj.txt").write_text("\n".join(lines))
+    recording = open_recording(folder)
+    assert len(recording) == 3
+    assert "1 frames have no pose (tracking was lost) and are left out" in recording.info().notes
+
+
+def test_depth_of_replica_has_its_own_scale_where_no_file_says_another(tmp_path: Path) -> None:
+    folder = write_replica(tmp_path / "room0", SHOTS)
+    (folder / "cam_params.json").unlink()
+    frame = next(open_recording(folder, RecordingOptions(intrinsics=INTRINSICS)).frames())
+    assert frame.depth[-1, -1] == pytest.approx(5 * 1500 / 6553.5)
+
+
+def rewrite(name: str, text: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("write", "change", "kind", "message"),
+    [
+        (
+            write_replica,
+            lambda folder: (folder / "traj.txt").unlink(),
+            FileMissing,
+            "{}: there are no camera poses, expected traj.txt; SLAM estimates them",
+        ),
+        (
+            write_replica,
+            rewrite("traj.txt", "1 0 0 0\n"),
+            FormatError,
+            "{}/traj.txt: expected 16 numbers in each line, row by row of a 4 x 4 matrix",
+        ),
+        (
+            write_replica,
+            lambda folder: (folder / "cam_params.json").unlink(),
+            FileMissing,
+            "{}: there are no intrinsics, here or one folder up: expected cam_params.json; or give "
+            "--intrinsics (those of NICE-SLAM's renderings are 600,600,599.5,339.5)",
+        ),
+        (
+            write_replica,
+            rewrite("cam_params.json", '{"camera": {"fx": 1}}'),
+            FormatError,
+            "{}/cam_params.json: expected the intrinsics fx, fy, cx and cy under camera, or "
+            "Open3D's intrinsic_matrix; give --intrinsics",
+        ),
+        (
+            write_redwood,
+            rewrite("scene/trajectory.log", "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n"),
+            FormatError,
+            "{}/scene/trajectory.log: expected groups of three numbers and four rows of four, row "
+            "by row of a 4 x 4 matrix",
+        ),
+        (
+            write_redwood,
+            rewrite("camera_intrinsic.json", '{"intrinsic_matrix": [1, 2]}'),
+            FormatError,
+            "{}/camera_intrinsic.json: expected the intrinsics fx, fy, cx and cy under camera, or "
+            "Open3D's intrinsic_matrix; give --intrinsics",
+        ),
+        (
+            write_scannet,
+            rewrite("intrinsic/intrinsic_depth.txt", "1 2\n3 4\n"),
+            FormatError,
+            "{}/intrinsic/intrinsic_depth.txt: expected 3 rows of 3 or 4 rows of 4 numbers, found "
+            "rows of these lengths: 2, 2",
+        ),
+        (
+            write_scannet,
+            rewrite("intrinsic/intrinsic_color.txt", "9 0 99\n0 9 5\n0 0 1\n"),
+            FormatError,
+            "{}/intrinsic/intrinsic_color.txt: the principal point (99, 5) is not on the images of "
+            "64 x 48 pixels: these intrinsics are for another image size; give --intrinsics",
+        ),
+    ],
+)
+def test_broken_folders_are_errors_that_info_tells(
+    tmp_path: Path,
+    write: Write,
+    change: Callable[[Path], object],
+    kind: type[HypermapError],
+    message: str,
+) -> None:
+    folder = write(tmp_path / "scene", SHOTS)
+    change(folder)
+    expected = message.replace("{}", str(folder))
+    assert open_recording(folder).info().missing == (expected,)
+    with pytest.raises(kind) as caught:
+        next(open_recording(folder).frames())
+    assert str(caught.value) == expected
