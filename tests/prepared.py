@@ -35,7 +35,7 @@ class Command:
     """A running `hypermap`, used as a `subprocess.Popen` of text.
 
     Attributes:
-        args: the words after `hypermap`.
+        args: the words after `hypermap`, or after another program.
         pid: of the process.
         stdin: what it reads, if that is a pipe; likewise `stdout` and `stderr`.
         returncode: the exit code, or the negative number of the signal that ended it; None until
@@ -43,6 +43,7 @@ class Command:
 
     Args:
         packages: what the process that is copied has imported: all their modules.
+        program: what runs instead of `hypermap`, as words after `python`.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class Command:
         env: Mapping[str, str] | None = None,
         start_new_session: bool = False,
         packages: tuple[str, ...] = ("hypermap",),
+        program: tuple[str, ...] = ("-m", "hypermap"),
     ) -> None:
         self.args = list(map(str, words))
         self.returncode: int | None = None
@@ -65,6 +67,7 @@ class Command:
                 (write, None) if stderr == subprocess.STDOUT else _end(stderr, 2, "r", theirs)
             )
             job = {
+                "program": program,
                 "words": self.args,
                 "folder": str(Path.cwd() if cwd is None else cwd),
                 "environment": dict(os.environ if env is None else env),

@@ -19,9 +19,11 @@ import struct
 import sys
 import tempfile
 import threading
+import types
+from pathlib import Path
 from typing import Any
 
-# These need ROS, or start threads.
+# These need ROS, or start threads: left out unless they are asked for by name.
 APART = ("hypermap.ros.ros1", "hypermap.ros.ros2", "hypermap.ros.rviz", "hypermap.viewer.logs")
 
 
@@ -31,11 +33,14 @@ def import_all(packages: list[str]) -> None:
     Not all can be: some need libraries that are not here, or a program around them. A command that
     does not find a module here imports it itself.
     """
+    apart = tuple(set(APART) - set(packages))
     for package in packages:
-        for module in pkgutil.walk_packages(
-            importlib.import_module(package).__path__, f"{package}."
-        ):
-            if not module.name.startswith((*APART, "hypermap.__main__")):
+        try:
+            folder = importlib.import_module(package).__path__
+        except ImportError:  # as for tools of ROS
+            continue
+        for module in pkgutil.walk_packages(folder, f"{package}."):
+            if not module.name.startswith((*apart, "hypermap.__main__")):
                 with contextlib.suppress(Exception):
                     importlib.import_module(module.name)
     # Numba imports a third of a second's worth when the first loop runs.
@@ -64,6 +69,8 @@ def next_job(channel: socket.socket) -> dict[str, Any]:
                 os.close(stream)
             sys.stdin = os.fdopen(0, closefd=False)
             sys.stdout = os.fdopen(1, "w", closefd=False)
+            if job["environment"].get("PYTHONUNBUFFERED"):
+                sys.stdout.reconfigure(write_through=True)
             sys.stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
             return job
         for fd in fds:
@@ -85,8 +92,22 @@ def report_start_and_end(status: int, streams: list[int], *, is_session: bool) -
     os._exit(0)
 
 
-def run_to_its_end() -> None:
-    """Run the command and end this process, without taking apart all that is imported.
+def run(program: list[str]) -> None:
+    """Run a program as Python does that is given these words: "-m" and a module, or others."""
+    if program[0] == "-m":
+        runpy.run_module(program[1], run_name="__main__", alter_sys=True)
+        return
+    sys.argv[0] = program[0]
+    if program[0] == "-c":
+        main = sys.modules["__main__"] = types.ModuleType("__main__")
+        exec(program[1], vars(main))
+    else:
+        sys.path.insert(0, str(Path(program[0]).parent))
+        runpy.run_path(program[0], run_name="__main__")
+
+
+def run_to_its_end(program: list[str]) -> None:
+    """Run a program and end this process, without taking apart all that is imported.
 
     That takes three times as long as a short command. What else Python does at an end is done here:
     it waits for threads, calls the functions of `atexit` and writes what is left to be written.
@@ -94,7 +115,7 @@ def run_to_its_end() -> None:
     """
     code: object = 0
     try:
-        runpy.run_module("hypermap", run_name="__main__", alter_sys=True)
+        run(program)
     except SystemExit as ended:
         code = ended.code or 0
     if isinstance(code, int):
@@ -117,4 +138,6 @@ if __name__ == "__main__":
     os.environ.update(job["environment"])
     tempfile.tempdir = None  # to be found in this environment
     sys.argv[1:] = job["words"]
-    run_to_its_end()
+    if "rospy" in sys.modules:
+        sys.modules["rospy"].names.reload_mappings(sys.argv)  # which it has read when imported
+    run_to_its_end(job["program"])

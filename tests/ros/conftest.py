@@ -75,16 +75,26 @@ def wait_for(condition: Callable[[], Any], what: str, timeout: float = 120.0) ->
 
 
 HYPERMAP = [sys.executable, "-m", "hypermap"]
+ROS1_TOOLS = ("roslaunch", "rosnode", "rosparam", "rosservice", "rostopic")
 # What nodes import. Others, as matplotlib, can abort a process at whose end threads still run, as
 # those of rospy do.
-PACKAGES = ("hypermap.cli", "hypermap.formats", "hypermap.ros")
+PACKAGES = ("hypermap.cli", "hypermap.formats", "hypermap.ros", "hypermap.ros.ros1", *ROS1_TOOLS)
+
+
+def program_of_python(command: list[str]) -> tuple[str, ...] | None:
+    """Return which program a command has Python run, as words after `python`; None for others."""
+    if command[0] in ROS1_TOOLS:
+        return (str(shutil.which(command[0])),)
+    if command[0] != sys.executable:
+        return None
+    return tuple(command[1 : 3 if command[1] in ("-c", "-m") else 2])
 
 
 class Process:
     """A program with its output in a file; what ROS writes gets there at once, too.
 
-    `HYPERMAP` and words is a copy that starts quickly, unless it `is_new`: a copy does not search
-    the PYTHONPATH of `env`.
+    A program of Python, as `HYPERMAP` and words or a tool of ROS 1, is a copy that starts quickly,
+    unless it `is_new`: a copy does not search the PYTHONPATH of `env`.
     """
 
     popen: subprocess.Popen[bytes] | Command
@@ -110,10 +120,11 @@ class Process:
                 "start_new_session": True,
                 "env": environment,
             }
-            if command[:3] == HYPERMAP and not is_new:
-                self.popen = Command(*command[3:], **options, packages=PACKAGES)
-            else:
+            if is_new or (program := program_of_python(command)) is None:
                 self.popen = subprocess.Popen(command, **options)
+            else:
+                words = command[1 + len(program) :] if command[0] == sys.executable else command[1:]
+                self.popen = Command(*words, **options, packages=PACKAGES, program=program)
 
     @property
     def output(self) -> str:

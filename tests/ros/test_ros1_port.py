@@ -380,6 +380,24 @@ port.shut_down()
     assert "lost a KeyboardInterrupt" in node.output
 
 
+def test_nothing_runs_on_when_a_node_has_ended(roscore: str, start: Callable[..., Process]) -> None:
+    script = """
+import sys, time, traceback
+from hypermap.ros.ros1.port import Ros1Port
+port = Ros1Port("quiet")
+port.shut_down()
+end = time.monotonic() + 30
+while time.monotonic() < end:
+    stacks = map(traceback.walk_stack, sys._current_frames().values())
+    if not any(frame.f_code.co_name == "serve_forever" for stack in stacks for frame, _ in stack):
+        sys.exit()
+    time.sleep(0.02)
+sys.exit("rospy asks for connections to a closed socket, again and again")
+"""
+    node = start(sys.executable, "-c", script)
+    assert node.popen.wait(240) == 0, node.output
+
+
 def test_rosnode_kill_ends_a_node(roscore: str, start: Callable[..., Process]) -> None:
     node = start(*NODE, "to_kill")
     node.expect("ready")

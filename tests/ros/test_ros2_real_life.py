@@ -165,7 +165,7 @@ def test_a_drive_becomes_a_map(
         save_to=file,
     )
     robot = Path(__file__).with_name("ros2_robot.py")
-    start(sys.executable, robot, "12", "0.5", env=ros2.environment)
+    start(sys.executable, robot, "12", "0.5", env=ros2.environment, is_new=True)
     ros2.ask("listen", topic="/semantic_map", type="hypermap_msgs/msg/SemanticMap", latched=True)
     wait_for(lambda: ros2.ask("heard", topic="/semantic_map")[-1]["objects"], "objects", 120)
     wait_for(lambda: string_of_objects(ros2), "objects of the map server")

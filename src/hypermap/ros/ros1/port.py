@@ -9,6 +9,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,12 @@ from hypermap.ros.log_text import log_text
 from hypermap.ros.parameters import ParameterSet
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
 from hypermap.ros.ros1.arrays import reading_arrays
-from hypermap.ros.ros1.libraries import load_command_line_node_params, rospy, tf2_ros
+from hypermap.ros.ros1.libraries import (
+    load_command_line_node_params,
+    rosgraph,
+    rospy,
+    tf2_ros,
+)
 from hypermap.ros.ros1.logs import forward_logs, keep_rosout_settings, show_lines_at_once
 from hypermap.ros.ros1.master import MasterWatch, owns_its_name, require_master
 from hypermap.ros.ros1.messages import message_class, service_class
@@ -54,6 +60,7 @@ class Ros1Port:
             require_master()
             show_lines_at_once()
             rospy.init_node(name, argv=None if argv is None else list(argv), disable_signals=True)
+            _end_threads_with_node()
             if threading.current_thread() is threading.main_thread():
                 self._take_signals()
         keep_rosout_settings()
@@ -324,6 +331,23 @@ def _unregister(topic: Any) -> None:
     if connections is not None and connections.closed:
         with contextlib.suppress(AttributeError):  # of other systems, which have no epoll
             connections.connection_poll.poller.close()
+
+
+def _end_threads_with_node() -> None:
+    """Let the threads of this node end as soon as it does.
+
+    rospy closes the socket of the node's XML-RPC server, for which the server's thread then asks
+    without a pause, and waits up to half a second for the thread that connects topics.
+    """
+    for node in [getattr(hook, "__self__", None) for hook in rospy.core._shutdown_hooks]:
+        if isinstance(node, rosgraph.xmlrpc.XmlRpcNode) and node.server is not None:
+            rospy.core.add_shutdown_hook(partial(_end_threads, node.server, node.handler.reg_man))
+
+
+def _end_threads(server: Any, connector: Any, _reason: str) -> None:
+    with connector.cond:
+        connector.cond.notify_all()
+    threading.Thread(target=server.shutdown, daemon=True).start()  # which waits for the end
 
 
 def _resolved(name: str) -> str:
