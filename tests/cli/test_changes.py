@@ -92,6 +92,7 @@ def test_history_lists_versions_and_bounds_and_exports_them(
     lines = hypermap("history", office).out.splitlines()
     assert lines[-1] == "2 versions; changes of 90d, at most 100 MB, are kept"
     assert "1 moved, 1 gone" in lines[3]
+    assert " IST " in lines[3]  # the time as `changes` writes it
     table = tmp_path / "changes.csv"
     assert hypermap("history", office, "--export", table, "--keep", "1h").code == 0
     assert open_map(office).metadata["history"] == {"keep": "1h", "max_mb": 100.0}

@@ -18,6 +18,16 @@ from .page_tools import Window, a_server, a_window
 from .past_map import CHAIR_AFTER, CHAIR_BEFORE, PLANT_PLACE, past_map, saved_past_map
 from .small_map import DESK, METRES_PER_PIXEL, PLACES
 
+# Whether a sentence on what changed lies within its place, and not cut off.
+ALL_SAID = """sentence => {
+  const said = document.getElementById("what-changed");
+  said.textContent = sentence;
+  const text = document.createRange();
+  text.selectNodeContents(said);
+  const [{ left, right }, place] = [text, said.parentElement].map((e) => e.getBoundingClientRect());
+  return left >= place.left - 1 && right <= place.right + 1;
+}"""
+
 pytestmark = pytest.mark.xdist_group("page")
 
 
@@ -52,6 +62,7 @@ def test_the_keyboard_leads_through_the_versions(window: Window) -> None:
     expect(page.locator("#when")).to_have_text("2025-11-25 08:00 UTC tuesday")
     expect(page.locator("#what-changed")).to_have_text("1 moved, 1 gone, 1 added")
     expect(page.locator("#subtitle")).to_have_text("4 objects · 2025-11-25 08:00")
+    assert page.evaluate(ALL_SAID, "1 gone, 2 first seen, 2 moved, 1 reshaped, 1 added")
     page.keyboard.press("Home")
     expect(page.locator("#when")).to_contain_text("2025-11-24 08:00 UTC monday")
     expect(page.locator("#tool-edit")).to_be_hidden()

@@ -127,17 +127,19 @@ def _versions(hypermap: Hypermap) -> list[dict[str, Any]]:
 
 
 def _show(hypermap: Hypermap, rows: list[dict[str, Any]]) -> None:
+    from hypermap.questions.times import time_of
+
     if hypermap.history is None:
         say("this map keeps no history; --keep 90d begins one")
         return
     if rows:
         shown = table("version", "when", "by", "changes", right=("version",))
-        for row in rows:
+        for row, revision in zip(rows, hypermap.history.revisions(), strict=True):
             counts = ", ".join(f"{count} {kind}" for kind, count in row["changes"].items())
             lost = "(versions before this one are lost) " if row["follows_loss"] else ""
             by = printable(row["drive"], 40) or row["cause"]
-            when = row["time"] or "?"
-            shown.add_row(str(row["version"]), when, by, lost + (counts or "nothing"))
+            made = "?" if revision.time is None else time_of(revision.time)
+            shown.add_row(str(row["version"]), made, by, lost + (counts or "nothing"))
         out().print(shown)
     policy = _policy(hypermap)
     kept = f"changes of {policy['keep']}, at most {policy['max_mb']:g} MB, are kept"
