@@ -130,6 +130,18 @@ def test_what_mapping_has_found_to_be_moved_is_so_though_its_outline_differs(
     assert change.confidence == (0.7 if says else None)
 
 
+@pytest.mark.parametrize(("end", "kinds"), [(3.7, []), (2.6, ["moved"])])
+def test_what_still_fills_its_place_has_not_moved(end: float, kinds: list[str]) -> None:
+    """As a shelf of which another drive sees more; one of the same size beside it has moved."""
+    hypermap = office()
+    start = 2.0 if end > 3 else end - 1
+    longer = SemanticObject("chair", shapely.box(start, 0, end, 1))
+    hypermap.semantic().update(1, longer)
+    assert hypermap.history is not None
+    hypermap.history = dataclasses.replace(hypermap.history, mapped=Mapped("day2", MONDAY))
+    assert [change.kind for change in revisions(grown(hypermap, MONDAY))[0].changes] == kinds
+
+
 def mapped(
     hypermap: Hypermap,
     stamp: float,

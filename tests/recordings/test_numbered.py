@@ -166,6 +166,13 @@ def rewrite(name: str, text: str) -> Callable[[Path], object]:
             "Open3D's intrinsic_matrix; give --intrinsics",
         ),
         (
+            write_redwood,
+            rewrite("camera_intrinsic.json", f'{{"intrinsic_matrix": [{9**999}]}}'),
+            FormatError,
+            "{}/camera_intrinsic.json: expected the intrinsics fx, fy, cx and cy under camera, or "
+            "Open3D's intrinsic_matrix; give --intrinsics",
+        ),
+        (
             write_scannet,
             rewrite("intrinsic/intrinsic_depth.txt", "1 2\n3 4\n"),
             FormatError,

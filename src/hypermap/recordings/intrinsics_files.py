@@ -105,7 +105,7 @@ def _read_json(path: Path) -> Intrinsics:
         scale = float(camera["scale"]) if "scale" in camera else None
         if scale is not None and not 0 < scale < math.inf:
             raise ValueError("the scale is not positive")
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         raise FormatError(
             "expected the intrinsics fx, fy, cx and cy under camera, or Open3D's intrinsic_matrix; "
             "give --intrinsics",
