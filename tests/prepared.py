@@ -73,7 +73,7 @@ class Command:
                 "environment": dict(os.environ if env is None else env),
                 "is_session": start_new_session,
             }
-            self._status, status = socket.socketpair()
+            self._status, status = _pair(socket.SOCK_STREAM)
             theirs.callback(status.close)
             files = [status.fileno(), read, write, other]
             self.pid = _started(json.dumps(job).encode(), files, self._status, packages)
@@ -185,6 +185,18 @@ def _end(
     return (given if isinstance(given, int) else given.fileno()), None
 
 
+def _pair(kind: socket.SocketKind) -> tuple[socket.socket, socket.socket]:
+    """Return two ends of which each waits for the other.
+
+    Those that are made after rospy has set a timeout for all sockets would not: the original would
+    end where it waits for the next job, and each command start one of its own.
+    """
+    ends = socket.socketpair(socket.AF_UNIX, kind)
+    for end in ends:
+        end.setblocking(True)
+    return ends
+
+
 def _started(job: bytes, files: list[int], status: socket.socket, packages: tuple[str, ...]) -> int:
     """Ask the original for a copy, and return which process that is.
 
@@ -208,7 +220,7 @@ def _original(packages: tuple[str, ...]) -> socket.socket:
 
     It has imported all modules of these packages.
     """
-    ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours, its = _pair(socket.SOCK_SEQPACKET)
     with its:
         process = subprocess.Popen(
             [sys.executable, "-X", "faulthandler", str(_PROGRAM), str(its.fileno()), *packages],

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import socket
 import subprocess
 import sys
 from functools import partial
@@ -15,6 +17,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import save_map
 
+from .. import prepared
 from .conftest import wait_for
 
 pytestmark = pytest.mark.xdist_group("ros")
@@ -90,3 +93,16 @@ def test_without_tf2_ros_the_error_says_what_to_install(needs_ros1: None) -> Non
     command = [sys.executable, "-c", WITHOUT_TF]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert "apt-get install python3-tf2-ros" in done.stdout, done.stderr
+
+
+def test_the_process_that_is_copied_waits_for_the_next_command() -> None:
+    """With rospy's timeout for all sockets it ended, and each node of a test took seconds."""
+    before = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(60.0)
+    try:
+        ends = prepared._pair(socket.SOCK_SEQPACKET)
+    finally:
+        socket.setdefaulttimeout(before)
+    for end in ends:
+        with end:
+            assert os.get_blocking(end.fileno())
