@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import base64
+import contextlib
+import gzip
 import io
+import json
 import random
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
+from typing import Any
 
 Mutator = Callable[[bytes, random.Random], bytes]
 
@@ -96,6 +101,118 @@ def _replaced_run(data: bytes, draw: random.Random, letters: bytes, new: bytes) 
     while end < len(data) and data[end] in letters:
         end += 1
     return data[:start] + new + data[end:]
+
+
+_ODD: list[Any] = [None, True, False, 0, -1, 1.5, 1e308, -1e308, 1e-320, 10**400, 2**31, 2**63]
+_ODD += [float("nan"), float("inf"), float("-inf"), 1e9, 1e12, "", "x", "\0", "\ud800", "a" * 400]
+_ODD += ["1", "map", "=1+1", "../x", "2026-11-26T10:00:00Z", [], {}, [[]], [None], [1e308] * 4]
+_ODD += [{"type": "Polygon", "coordinates": []}, {"type": "Point", "coordinates": [1, 2]}]
+
+
+def mutate_json(data: bytes, draw: random.Random) -> bytes:
+    """Change one value of a JSON text and leave the rest valid, also within packed texts in it."""
+    try:
+        tree = json.loads(data)
+    except (ValueError, RecursionError):
+        return mutate_text(data, draw)
+    if draw.random() < 0.1:
+        return mutate_text(data, draw)
+    for _ in range(draw.choice([1, 1, 1, 2, 3])):
+        tree = _with_one_changed(tree, draw)
+    return json.dumps(tree).encode()[:MOST_BYTES]
+
+
+def _with_one_changed(tree: Any, draw: random.Random) -> Any:
+    """Return a tree of values with one changed, at any depth."""
+    if isinstance(tree, (dict, list)) and tree and draw.random() < 0.85:
+        keys = list(tree) if isinstance(tree, dict) else list(range(len(tree)))
+        key, changed = draw.choice(keys), tree.copy()
+        kind = draw.random()
+        if kind < 0.08:
+            del changed[key]
+        elif kind < 0.14 and isinstance(changed, list):
+            changed[key:key] = [changed[key]] * draw.choice([1, 2, 100])
+        elif kind < 0.14:
+            changed[draw.choice([*keys, "x", ""])] = changed[key]
+        elif kind < 0.2:
+            changed[key] = changed[draw.choice(keys)]
+        else:
+            changed[key] = _with_one_changed(changed[key], draw)
+        return changed
+    if isinstance(tree, str) and len(tree) > 40 and draw.random() < 0.9:
+        return _packed_text_changed(tree, draw)
+    if isinstance(tree, (int, float)) and draw.random() < 0.4:
+        return draw.choice([-tree, tree + 1, tree - 1, tree * 1000, float(tree), str(tree)])
+    return draw.choice(_ODD)
+
+
+def _packed_text_changed(text: str, draw: random.Random) -> str:
+    """Change what a text holds: JSON, or bytes in base64 that may be compressed."""
+    if text[:1] in "{[":
+        return mutate_json(text.encode(errors="replace"), draw).decode(errors="replace")
+    with contextlib.suppress(ValueError, OSError, EOFError, zlib.error):
+        content = base64.b64decode(text, validate=True)
+        if content.startswith(b"\x1f\x8b"):
+            packed = gzip.compress(mutate_any(gzip.decompress(content), draw), mtime=0)
+        elif content.startswith(b"\x78"):
+            packed = zlib.compress(mutate_bytes(zlib.decompress(content), draw))
+        else:
+            packed = mutate_any(content, draw)
+        return base64.b64encode(packed).decode()
+    return mutate_text(text.encode(errors="replace"), draw).decode(errors="replace")
+
+
+def mutate_parquet(data: bytes, draw: random.Random) -> bytes:
+    """Change a value, a type, a column or what the file says of itself, in a valid Parquet file."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if draw.random() < 0.1:
+        return mutate_bytes(data, draw)
+    try:
+        table = pq.read_table(io.BytesIO(data))
+    except Exception:  # it is spoiled already
+        return mutate_bytes(data, draw)
+    for _ in range(draw.choice([1, 1, 2])):
+        with contextlib.suppress(pa.ArrowException, OverflowError, ValueError, TypeError):
+            table = _table_changed(table, draw)
+    packed = io.BytesIO()
+    try:
+        pq.write_table(table, packed, compression=draw.choice(["none", "snappy", "zstd"]))
+    except Exception:  # not all types can be written
+        return mutate_bytes(data, draw)
+    return packed.getvalue()[:MOST_BYTES]
+
+
+def _table_changed(table: Any, draw: random.Random) -> Any:
+    import pyarrow as pa
+
+    kind, number = draw.random(), draw.randrange(max(table.num_columns, 1))
+    if kind < 0.25:  # what the file says of itself
+        said = dict(table.schema.metadata or {})
+        key = draw.choice(list(said) or [b"geo"])
+        said[key] = mutate_json(said.get(key, b"{}"), draw)
+        return table.replace_schema_metadata(said)
+    if kind < 0.35:
+        return table.remove_column(number)
+    if kind < 0.45:
+        rows = [draw.randrange(max(table.num_rows, 1)) for _ in range(draw.choice([0, 1, 2, 300]))]
+        return table.take(rows)
+    field, values = table.field(number), table.column(number).to_pylist()
+    if kind < 0.6:  # of another type
+        kinds = [pa.string(), pa.float32(), pa.int8(), pa.uint64(), pa.binary(), pa.bool_()]
+        kinds += [pa.list_(pa.string()), pa.timestamp("ns"), pa.null(), pa.large_binary()]
+        return table.set_column(number, field.name, table.column(number).cast(draw.choice(kinds)))
+    at = draw.randrange(max(len(values), 1))
+    if kind < 0.75:
+        values[at] = None
+    elif isinstance(values[at], bytes):
+        values[at] = mutate_bytes(values[at], draw)
+    elif isinstance(values[at], str):
+        values[at] = mutate_any(values[at].encode(), draw).decode(errors="ignore")
+    else:
+        values[at] = _with_one_changed(values[at], draw)
+    return table.set_column(number, field, pa.array(values, field.type))
 
 
 def mutate_archive(data: bytes, draw: random.Random) -> bytes:
@@ -218,8 +335,12 @@ def mutate_any(data: bytes, draw: random.Random) -> bytes:
         return mutate_png(data, draw)
     if data.startswith(b"\xff\xd8\xff"):
         return mutate_jpeg(data, draw)
-    if b"\0" in data[:200] or data.startswith(b"PAR1"):
+    if data.startswith(b"PAR1"):
+        return mutate_parquet(data, draw)
+    if b"\0" in data[:200]:
         return mutate_bytes(data, draw)
+    if data[:1] in (b"{", b"["):
+        return mutate_json(data, draw)
     return mutate_text(data, draw)
 
 

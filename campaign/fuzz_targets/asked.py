@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
 import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
 
+import numpy as np
+
 from campaign.full_map import MeanColors, corrected_trajectory, full_map
 from campaign.fuzz_targets.servers import answered, mutate_request, parsed_request
 from campaign.fuzz_targets.target import Target
-from campaign.mutation import mutate_any, mutate_text
+from campaign.mutation import mutate_any, mutate_json, mutate_text
 from hypermap import HypermapError, SemanticObject, open_map, save_map
 from hypermap.agents.toolbox import tools_for
 from hypermap.agents.tools import Picture
+from hypermap.core.grid import GridGeometry
 from hypermap.core.trajectory import pose_matrix, trajectory_of
 from hypermap.mapping.mapper import Mapper
 from hypermap.questions.asking import answer_to
@@ -71,7 +75,7 @@ def tools(folder: Path) -> Target:
             json.dumps(answer, ensure_ascii=False, allow_nan=False).encode()
 
     corpus = [json.dumps({"tool": name, "arguments": given}).encode() for name, given in _CALLS]
-    return Target(ask, corpus, mutate_text)
+    return Target(ask, corpus, mutate_json)
 
 
 def questions(_: Path) -> Target:
@@ -95,7 +99,7 @@ def questions(_: Path) -> Target:
         json.dumps(answer.query.to_json(), allow_nan=False)
 
     corpus = [*(json.dumps(query) for query in queries), *texts]
-    return Target(ask, [text.encode() for text in corpus], mutate_text)
+    return Target(ask, [text.encode() for text in corpus], mutate_any)
 
 
 def poses(folder: Path) -> Target:
@@ -121,7 +125,11 @@ def poses(folder: Path) -> Target:
 def spool(folder: Path) -> Target:
     """What a robot has learned and could not send yet: one entry, or the file of all."""
     from hypermap.fleet.store.observed import Observed
+    from hypermap.fleet.store.seen_cells import ChangedCells
     from hypermap.fleet.store.spool import Spool
+
+    seen = np.full((3, 4), 100, np.int8)
+    cells = ChangedCells("occupancy", "map", GridGeometry(4, 3, 0.5), seen)
 
     def observed(number: int) -> Observed:
         things: list[SemanticObject] = [square("cup", 0, 0, id=number), square("chair", 2, 0, id=9)]
@@ -129,7 +137,7 @@ def spool(folder: Path) -> Target:
 
     path = folder / "spool"
     first = Spool(path)
-    first.put(observed(1))
+    first.put(dataclasses.replace(observed(1), cells=cells))
     entry = first._file.execute("SELECT content FROM waiting").fetchone()[0].encode()
     first.close()
 

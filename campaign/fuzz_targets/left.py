@@ -9,7 +9,7 @@ from pathlib import Path
 
 from campaign.full_map import ATTACHED, full_map
 from campaign.fuzz_targets.target import Target, draw_of, target_of_files
-from campaign.mutation import Mutator, mutate_bytes, mutate_text
+from campaign.mutation import Mutator, mutate_bytes, mutate_json, mutate_text
 from campaign.questions import ask_everything
 from hypermap import HypermapError, NotesLayer, open_map, save_map
 from hypermap.formats.hmap import files_of_map, map_of_files
@@ -33,7 +33,17 @@ def embeddings(_: Path) -> Target:
 def history(_: Path) -> Target:
     """The history of a map, one version a line."""
     name = next(name for name in files_of_map(full_map()) if name.startswith("history."))
-    return _target_of_member(name, mutate_text)
+    return _target_of_member(name, _mutate_lines)
+
+
+def _mutate_lines(data: bytes, draw: random.Random) -> bytes:
+    """Spoil one line of JSON, or the text as a whole."""
+    lines = data.split(b"\n")
+    if draw.random() < 0.3:
+        return mutate_text(data, draw)
+    number = draw.randrange(len(lines))
+    lines[number] = mutate_json(lines[number], draw)
+    return b"\n".join(lines)
 
 
 def _target_of_member(name: str, mutate: Mutator) -> Target:
@@ -79,7 +89,7 @@ def _mutate_arrays(data: bytes, draw: random.Random) -> bytes:
     head, mark, arrays = data.partition(b"\n")
     kind = draw.random()
     if kind < 0.4:
-        return mutate_text(head, draw) + mark + arrays
+        return mutate_json(head, draw) + mark + arrays
     if kind < 0.5:
         return mutate_bytes(data, draw)
     if kind < 0.75 and b'"log.frames"' in head:

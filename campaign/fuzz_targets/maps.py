@@ -23,7 +23,15 @@ from campaign.fuzz_targets.target import (
     of_tests,
     target_of_files,
 )
-from campaign.mutation import Mutator, mutate_archive, mutate_bytes, mutate_png, mutate_text
+from campaign.mutation import (
+    Mutator,
+    mutate_archive,
+    mutate_bytes,
+    mutate_json,
+    mutate_parquet,
+    mutate_png,
+    mutate_text,
+)
 from campaign.questions import ask_everything
 from hypermap import (
     HypermapError,
@@ -151,13 +159,13 @@ def semantic_yaml(folder: Path) -> Target:
 def geojson(folder: Path) -> Target:
     """Objects in GeoJSON."""
     corpus = [to_geojson(a_small_map().semantic("things")).encode()]
-    return _file_target("objects.geojson", corpus, mutate_text, folder)
+    return _file_target("objects.geojson", corpus, mutate_json, folder)
 
 
 def geoparquet(folder: Path) -> Target:
     """Objects in GeoParquet."""
     corpus = [dump_parquet(a_small_map().semantic("things").table, "map")]
-    return _file_target("objects.parquet", corpus, mutate_bytes, folder)
+    return _file_target("objects.parquet", corpus, mutate_parquet, folder)
 
 
 def wkt(_: Path) -> Target:

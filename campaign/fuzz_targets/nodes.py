@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import math
+import random
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -11,7 +14,7 @@ import numpy as np
 
 from campaign.fuzz_targets.target import Target, a_map, a_small_map, of_tests
 from campaign.in_process_port import InProcessPort
-from campaign.mutation import mutate_bytes, mutate_text
+from campaign.mutation import MOST_BYTES, mutate_bytes, mutate_text
 from hypermap import save_map
 from hypermap.console.commands import Console, Leave
 from hypermap.ros import typestore
@@ -28,7 +31,64 @@ def ros_messages(folder: Path) -> Target:
         if data:
             server.hear(data[0], data[1:])
 
-    return Target(ask, list(_examples(server.ways)), mutate_bytes)
+    examples = list(_examples(server.ways))
+    kinds = {number: type(message) for number, message in examples}
+    corpus = [bytes([number]) + typestore.encode(message) for number, message in examples]
+
+    def mutate(data: bytes, draw: random.Random) -> bytes:
+        kind = kinds.get(data[0] % len(server.ways)) if data else None
+        if kind is None or draw.random() < 0.15:
+            return mutate_bytes(data, draw)
+        try:
+            message = typestore.decode(data[1:], kind)
+            for _ in range(draw.choice([1, 1, 2, 3])):
+                _change_a_field(message, draw)
+            return (data[:1] + typestore.encode(message))[:MOST_BYTES]
+        except Exception:  # it is spoiled already, or cannot be said in this type
+            return mutate_bytes(data, draw)
+
+    return Target(ask, corpus, mutate)
+
+
+_FLOATS = [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e9, -1e9, 1e-320, 0.0, 1e12]
+_INTEGERS = [0, 1, -1, 2, 127, 255, 65535, 2**31 - 1, -(2**31), 2**32 - 1, 2**63 - 1]
+_TEXTS = [
+    "",
+    "x",
+    "things",
+    "map",
+    "\0",
+    "a" * 400,
+    "../x",
+    "/dev/null",
+    "Ä\u202e",
+    "POLYGON EMPTY",
+]
+
+
+def _change_a_field(message: Any, draw: random.Random) -> None:
+    """Give one field of a message, or of a message in it, another value."""
+    names = [each.name for each in dataclasses.fields(message) if each.name[:2] != "__"]
+    name = draw.choice(names)
+    value = getattr(message, name)
+    if dataclasses.is_dataclass(value):
+        _change_a_field(value, draw)
+    elif isinstance(value, list) and value and dataclasses.is_dataclass(value[0]):
+        if draw.random() < 0.7:
+            _change_a_field(draw.choice(value), draw)
+        else:
+            setattr(message, name, draw.choice([[], value[:1], value * 2, value[::-1], value * 50]))
+    elif isinstance(value, np.ndarray):
+        odd = np.array(draw.choice(_FLOATS if value.dtype.kind == "f" else _INTEGERS))
+        values = [value[:-1], np.repeat(value, 2), np.full_like(value, odd.astype(value.dtype))]
+        setattr(message, name, draw.choice(values))
+    elif isinstance(value, (str, list)):
+        text = draw.choice(_TEXTS)
+        setattr(message, name, text if isinstance(value, str) else [text] * draw.choice([0, 1, 9]))
+    elif isinstance(value, float):
+        setattr(message, name, draw.choice([*_FLOATS, -value, value * 1000]))
+    else:
+        setattr(message, name, draw.choice([*_INTEGERS, value + 1]))
 
 
 class _Server:
@@ -69,20 +129,20 @@ class _Server:
                 self._start()
 
 
-def _examples(ways: list[tuple[str, str]]) -> Iterator[bytes]:
-    """Yield an example for each way: its number, and a message as CDR."""
+def _examples(ways: list[tuple[str, str]]) -> Iterator[tuple[int, Any]]:
+    """Yield an example for each way: its number, and a message."""
     types = _CdrTypes()
     requests = _requests(types)
     for number, (kind, name) in enumerate(ways):
         if kind == "topic":
-            yield bytes([number]) + typestore.encode(_example_of(name, types))
+            yield number, _example_of(name, types)
         elif name in requests:
             type_name, fields = requests[name]
             request = typestore.request_class(f"hypermap_msgs/{type_name}")()
             for key, value in fields.items():
                 if hasattr(request, key):
                     setattr(request, key, value)
-            yield bytes([number]) + typestore.encode(request)
+            yield number, request
 
 
 def _requests(types: _CdrTypes) -> dict[str, tuple[str, dict[str, Any]]]:

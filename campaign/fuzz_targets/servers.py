@@ -16,7 +16,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from campaign.fuzz_targets.target import Target, a_map
-from campaign.mutation import mutate_text
+from campaign.mutation import mutate_any, mutate_text
 from hypermap import save_map
 from hypermap.viewer.live.app import MapApp
 from hypermap.viewer.live.document import MapDocument
@@ -137,7 +137,7 @@ def mutate_request(data: bytes, draw: random.Random) -> bytes:
     """Spoil the body of a request as the text that it is, or its head."""
     head, mark, body = data.partition(b"\n\n")
     if body and draw.random() < 0.7:
-        return head + mark + mutate_text(body, draw)
+        return head + mark + mutate_any(body, draw)
     if draw.random() < 0.7:
         return mutate_text(head, draw) + mark + body
     return mutate_text(data, draw)

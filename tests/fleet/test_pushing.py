@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import time
 import uuid
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +129,23 @@ def test_a_push_that_was_done_is_not_done_again(
     number = uuid.uuid4()
     once = push(database, a_map, site, update_id=number)
     assert push(database, a_map, site, update_id=number) == once
+    assert [each.version for each in history(database, site)] == [1]
+
+
+def test_a_push_that_two_senders_send_at_once_is_done_once(
+    database: Database, store: str, site: str, a_map: Hypermap
+) -> None:
+    number, other = uuid.uuid4(), Database(parse_address(store))
+    with ThreadPoolExecutor(1) as pool:
+        with database.transaction() as cursor:
+            once = push(database, a_map, site, update_id=number)
+            again = pool.submit(push, other, a_map, site, update_id=number)
+            waits = "SELECT count(*) FROM pg_locks WHERE NOT granted"
+            while cursor.execute(waits).fetchone() == (0,):
+                assert not again.done()
+                time.sleep(0.01)
+        assert again.result() == once
+    other.close()
     assert [each.version for each in history(database, site)] == [1]
 
 

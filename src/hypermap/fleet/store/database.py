@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,11 @@ _OF_CONTENT = (
     errors.InternalError_,
 )
 _OF_THE_QUESTION = ("LINE ", "^", "CONTEXT")
+# What refuses a connection now, and not later; the driver has no code for it.
+_FOR_NOW = (
+    *("starting up", "shutting down", "in recovery mode", "not yet accepting connections"),
+    *("too many", "connection slots are reserved"),
+)
 _CONNECT_SECONDS = 10
 # No jit: it takes longer than a look-up by indexes.
 _SESSION = (
@@ -46,9 +52,11 @@ class Database:
 
     def __init__(self, address: Address) -> None:
         self.address = address
-        self._connection: Connection[Any] | None = None
         self._lock = threading.RLock()
         self._depth = 0  # of `transaction`
+        self._held: list[Connection[Any]] = []  # one, or none
+        # Not `__del__`: in a reference cycle, Python may finalize the connection before this.
+        weakref.finalize(self, _close, self._held)
 
     def rows(self, sql: LiteralString, *values: Any, **named: Any) -> list[tuple[Any, ...]]:
         """Return the rows of a question that changes nothing, with values or named values.
@@ -120,15 +128,15 @@ class Database:
             StoreError: If it refuses, or holds no store that this program knows.
         """
         with self._lock:
-            if self._connection is None or self._connection.closed:
-                self._connection = connect(self.address)
+            if not self._held or self._held[0].closed:
+                self._held[:] = [connect(self.address)]
                 try:
                     with self.explained():
-                        self._check_schema(self._connection)
+                        self._check_schema(self._held[0])
                 except StoreError:
                     self.close()
                     raise
-            return self._connection
+            return self._held[0]
 
     def _check_schema(self, connection: Connection[Any]) -> None:
         where = self.address.shown
@@ -159,8 +167,7 @@ class Database:
         except _OF_CONTENT as error:
             raise ContentRefused(f"{self.address.shown}: {reason_of(error)}") from None
         except (psycopg.OperationalError, psycopg.InterfaceError) as error:
-            connection = self._connection
-            if connection is None or connection.closed or connection.broken:
+            if not self._held or self._held[0].closed or self._held[0].broken:
                 reason = reason_of(error)
                 raise StoreAway(
                     f"{self.address.shown}: the database cannot be reached: {reason}"
@@ -174,15 +181,15 @@ class Database:
                 f"{self.address.shown}: {text!r} is not valid Unicode and cannot be stored"
             ) from None
 
-    def __del__(self) -> None:
-        self.close()
-
     def close(self) -> None:
         """Close the connection; a later question makes another."""
         with self._lock:
-            if self._connection is not None:
-                self._connection.close()
-            self._connection = None
+            _close(self._held)
+
+
+def _close(held: list[Connection[Any]]) -> None:
+    while held:
+        held.pop().close()
 
 
 def connect(address: Address) -> Connection[Any]:
@@ -206,8 +213,8 @@ def connect(address: Address) -> Connection[Any]:
         reason = reason_of(error)
         if password := given.get("password"):
             reason = reason.replace(str(password), "***")
-        is_refusal = "FATAL:" in reason and "starting up" not in reason
-        kind = StoreError if is_refusal and "shutting down" not in reason else StoreAway
+        is_refusal = "FATAL:" in reason and not any(words in reason for words in _FOR_NOW)
+        kind = StoreError if is_refusal else StoreAway
         raise kind(f"{address.shown}: cannot connect: {reason}") from None
 
 

@@ -19,7 +19,7 @@ from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.fleet.store import rows, tables
 from hypermap.fleet.store.address import StoreError
-from hypermap.fleet.store.database import Database, errors
+from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.sites import add_version, find_site, lock_site, oldest_version
 from hypermap.formats.hmap import files_of_map, map_of_files
 from hypermap.history import begun, grown
@@ -88,10 +88,12 @@ def push(
     # Before anything is written: what cannot be stored is an error here.
     files = list(files_of_map(_skeleton(hypermap)).items())
     with database.transaction() as cursor:
+        site_id, before = _locked_or_new(cursor, database, site)
+        # Not before: another connection may just be writing the same.
         cursor.execute("SELECT version, outcome FROM versions WHERE update_id = %s", (update_id,))
         if done := cursor.fetchone():
             return Pushed(*done)
-        site_id, before = _site_to_write(cursor, database, site, update, expected)
+        _check_version(database, site, before, update, expected)
         version = before + 1
         if before and not force:
             _check_same_map(database, hypermap, site_id, before, site)
@@ -205,32 +207,44 @@ def _emptied(layer: Layer) -> Layer:
     return layer
 
 
-def _site_to_write(
-    cursor: Cursor[Any], database: Database, site: str, update: bool, expected: int | None
-) -> tuple[int, int]:
+def _locked_or_new(cursor: Cursor[Any], database: Database, site: str) -> tuple[int, int]:
+    """Let no other write to a site until the transaction ends; return its id and version.
+
+    A site that is not there yet is made, with version 0.
+
+    Raises:
+        StoreError: If it has no name, or this user may not write to it.
+    """
     where = database.address.shown
     if not site:
         raise StoreError(f"{where}: a site needs a name")
-    found = lock_site(cursor, site)
-    if found is None:
-        if expected is not None:
-            raise Conflict(f"{where}: there is no site {site!r} yet, nor its version {expected}")
-        try:
-            cursor.execute(
-                "INSERT INTO sites (name, version) VALUES (%s, 0) RETURNING id, version", (site,)
-            )
-        except errors.UniqueViolation:  # it is there, and not ours to write
-            raise StoreError(f"{where}: this user may not write to site {site!r}") from None
-        site_id, version = cursor.fetchall()[0]
-        return site_id, version
-    if not update:
+    if found := lock_site(cursor, site):
+        return found
+    cursor.execute(
+        "INSERT INTO sites (name, version) VALUES (%s, 0) ON CONFLICT (name) DO NOTHING "
+        "RETURNING id, version",
+        (site,),
+    )
+    # Another may have made it in the meantime; else it is there, and not ours to write.
+    if found := cursor.fetchone() or lock_site(cursor, site):
+        return found
+    raise StoreError(f"{where}: this user may not write to site {site!r}")
+
+
+def _check_version(
+    database: Database, site: str, version: int, update: bool, expected: int | None
+) -> None:
+    """Raise an error if a site must not be replaced; version 0 is that of a new one."""
+    where = database.address.shown
+    if not version and expected is not None:
+        raise Conflict(f"{where}: there is no site {site!r} yet, nor its version {expected}")
+    if version and not update:
         raise SiteExists(
-            f"{where}: site {site!r} exists already, with version {found[1]}; give --update to "
+            f"{where}: site {site!r} exists already, with version {version}; give --update to "
             "make the map its next version, or another name"
         )
-    if expected is not None and found[1] != expected:
-        raise Conflict(f"{where}: site {site!r} has version {found[1]} by now, not {expected}")
-    return found
+    if version and expected is not None and version != expected:
+        raise Conflict(f"{where}: site {site!r} has version {version} by now, not {expected}")
 
 
 def _check_same_map(
