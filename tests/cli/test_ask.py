@@ -123,6 +123,17 @@ def test_the_name_of_a_room_gives_an_answer_no_line_of_its_own(
     assert result.out.splitlines()[1] == "office hall is 0.00 m away is 3.00 m away"
 
 
+def test_the_nearest_cup_and_its_room(hypermap: Run, tmp_path: Path) -> None:
+    cups = [SemanticObject("cup", shapely.Point(x, 1).buffer(0.04)) for x in (1, 4)]
+    rooms = [SemanticObject("office", shapely.box(0, 0, 5, 5))]
+    layers = [SemanticLayer("semantic", "map", cups), SemanticLayer("rooms", "map", rooms)]
+    save_map(Hypermap(layers), tmp_path / "office.hmap")
+    question = "where is the nearest cup, and in which room?"
+    result = hypermap("ask", tmp_path / "office.hmap", question, "--pose", "5,1")
+    (answer,) = (line for line in result.out.splitlines() if line.startswith("cup"))
+    assert answer.startswith("cup 1 at (4.00, 1.00), 0.96 m away: office (id 0) at ")
+
+
 def test_the_shell_asks_the_same(hypermap: Run, room_map: Path) -> None:
     lines = "ask what's the nearest chair to the plant?\nask --pose 0,0.5 how far is chair 1\nask\n"
     result = hypermap("shell", room_map, stdin=lines)

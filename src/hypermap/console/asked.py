@@ -148,7 +148,7 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
         yield from map(_title, answer.rooms[:_MOST] if give != "count" else ())
     elif give == "room":
         pairs = zip(answer.first(_MOST), answer.rooms, strict=False)
-        yield from (f"{title(item)}: {_title(room)}" for item, room in pairs)
+        yield from (f"{_line(item)}: {_title(room)}" for item, room in pairs)
     elif give in ("places", "value"):
         yield from map(_cell_line, answer.cells[:_MOST])
     elif give != "count":
@@ -202,7 +202,7 @@ def _rooms(hypermap: Hypermap, found: tuple[FoundObject, ...]) -> list[Room | No
     return rooms_at(rooms, [item.point_xy for item in found])
 
 
-def _line(item: FoundObject, room: Room | None) -> str:
+def _line(item: FoundObject, room: Room | None = None) -> str:
     x, y = item.point_xy
     far = "" if item.distance is None else f", {item.distance:.2f} m away"
     where = "" if room is None else f", in {printable(room.name)}"

@@ -19,7 +19,7 @@ from hypermap.questions.times import Span, find_times, without_as_of
 from hypermap.questions.words import KEYWORDS, TIME_MARKS, Vocabulary, tokens_of
 
 EXAMPLES = (
-    "where is the nearest cup?",
+    "where is the nearest cup, and in which room?",
     "which chairs are within 1 m of a table in room 2?",
     "how many chairs are in the kitchen?",
     "is there a sofa in the meeting room?",
@@ -38,6 +38,16 @@ EXAMPLES = (
 LONGEST = 500
 """Characters of a question."""
 
+_OF_CHANGES = {
+    "changed",
+    "changes",
+    "moved",
+    "gone",
+    "removed",
+    "vanished",
+    "disappeared",
+    "missing",
+}
 _MOST_COMPARED = 2000  # names, with one that is not known
 _ADDRESS = re.compile(r"\s*(?:(?:hey|hi|hello|ok|okay|dear)\s+)?robot\s*[,:!]", re.IGNORECASE)
 
@@ -91,6 +101,9 @@ def _understood(text: str, vocabulary: Vocabulary, now: datetime | None) -> Quer
         words = ", ".join(map(repr, unknown[:5]))
         if is_foreign(unknown, len(unknown) < len(tokens)):
             raise NotUnderstood(f"cannot read {words}: questions are read in English", EXAMPLES[:3])
+        if not _OF_CHANGES.isdisjoint(unknown):
+            hint = "`hypermap changes` lists what was added, moved, reshaped and is gone"
+            raise NotUnderstood(f"cannot read {words}; {hint}", ("what is new since yesterday?",))
         close = [one for word in unknown[:5] if (one := _similar(word, vocabulary))]
         hint = f"; did you mean {', '.join(map(repr, close))}?" if close else ""
         raise NotUnderstood(f"cannot read {words}{hint}", _nearest(text))

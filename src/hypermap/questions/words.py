@@ -19,7 +19,8 @@ _KEYWORDS = {
         "where|whereabouts|where can i find|where would i find|where might i find|where do i find"
         "|where can i get|where do you see"
         "|where did you see|where did i put|where did i leave|in which place"
-        "|where did you last see|where have you seen|where do you keep|where do we keep"
+        "|where did you last see|where did i last see|where did we last see"
+        "|where have you seen|where have you last seen|where do you keep|where do we keep"
         "|where can you see|where have you put|where is there"
     ),
     "WHAT": (
