@@ -118,6 +118,18 @@ def test_furniture_does_not_divide_a_room():
     assert room.outline.equals(shapely.box(1, 1, 7, 5))  # furniture stands in it
 
 
+@pytest.mark.parametrize(
+    ("width", "depth", "rooms"),
+    [(1.5, 1.2, [24.0]), (2.4, 1, [24.0]), (0.2, 1.5, [11.8, 11.9])],
+)
+def test_a_large_table_does_not_divide_a_room_but_a_wall_between_two_doors_does(
+    width, depth, rooms
+):
+    plan = Plan(8, 6).clear(1, 1, 7, 5)
+    plan.fill(4 - width / 2, 3 - depth / 2, 4 + width / 2, 3 + depth / 2)
+    assert areas(find_rooms(plan.layer())) == pytest.approx(rooms, abs=0.5)
+
+
 def test_niches_between_piers_are_part_of_a_room():
     plan = Plan(10, 10).clear(1, 1, 9, 9)
     for pier in ((5, 7.9, 5.2, 9), (1.5, 8.2, 1.7, 9), (1, 7.5, 1.9, 7.7), (1, 6.8, 1.7, 7)):

@@ -34,6 +34,8 @@ _WALL = 0.5  # [m] shorter walls are not extended as a border of a room
 _DOOR = 1.6  # [m] a narrower passage may be a door even without corners of walls next to it
 _RAY = 0.3  # [m] free strips thinner than this and longer than wide come from single rays
 _CORNER = 0.3  # [m] so far from wider places it is a corner of these
+_LARGEST_FURNITURE = 2.5  # [m]; what is larger away from walls may be a place of its own
+_THICK = 0.6  # [m]; furniture may be; a wall between two doors is thinner
 _ALONG = np.linspace(0.15, 0.85, 9)  # where the sides of a line are sampled, from end to end
 _BESIDE = 2.0  # cells from a line to the places on either side of it
 _STRAIGHT = 1.5  # cells by which outlines are simplified, about
@@ -110,7 +112,7 @@ class _Found:
         walls = np.ones(free.shape, dtype=bool)
         rows, cols = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
         window = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
-        blocked = _without_obstacles(~free[window], settings.largest_obstacle / side)
+        blocked = _without_obstacles(~free[window], side, settings.largest_obstacle)
         inner = np.pad(_without_rays(blocked, side), 1, constant_values=True)
         cut = _cut(inner, side, settings)
         labels[window] = cut[1:-1, 1:-1]
@@ -118,16 +120,32 @@ class _Found:
         return cls(labels, walls)
 
 
-def _without_obstacles(blocked: BoolArray, largest: float) -> BoolArray:
-    """Return blocked cells without the groups that are smaller, in cells, and touch no border."""
+def _without_obstacles(blocked: BoolArray, side: float, largest: float) -> BoolArray:
+    """Return blocked cells without the groups that touch no border and are small, or furniture.
+
+    Args:
+        blocked: shape (height, width).
+        side: of a cell [m].
+        largest: size of a group that is removed whatever its form [m].
+    """
     groups, _ = scipy.ndimage.label(blocked, np.ones((3, 3)))
     boxes = scipy.ndimage.find_objects(groups)
-    small = np.zeros(len(boxes) + 1, dtype=bool)
+    is_obstacle = np.zeros(len(boxes) + 1, dtype=bool)
     height, width = blocked.shape
     for number, (rows, cols) in enumerate(boxes, start=1):
-        inside = rows.start > 0 and cols.start > 0 and rows.stop < height and cols.stop < width
-        small[number] = inside and max(rows.stop - rows.start, cols.stop - cols.start) < largest
-    return blocked & ~small[groups]
+        if rows.start > 0 and cols.start > 0 and rows.stop < height and cols.stop < width:
+            size = max(rows.stop - rows.start, cols.stop - cols.start) * side
+            is_obstacle[number] = size < largest or (
+                size < _LARGEST_FURNITURE and _is_thick(groups[rows, cols] == number, side)
+            )
+    return blocked & ~is_obstacle[groups]
+
+
+def _is_thick(group: BoolArray, side: float) -> bool:
+    """Return whether a square of the size of `_THICK` fits into a group of cells."""
+    cells = round(_THICK / side)
+    fits = scipy.ndimage.minimum_filter(group, cells, mode="constant", cval=0)
+    return bool(fits.any())
 
 
 def _without_rays(blocked: BoolArray, side: float) -> BoolArray:
