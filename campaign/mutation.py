@@ -125,7 +125,7 @@ def mutate_json(data: bytes, draw: random.Random) -> bytes:
 def _with_one_changed(tree: Any, draw: random.Random) -> Any:
     """Return a tree of values with one changed, at any depth."""
     if isinstance(tree, (dict, list)) and tree and draw.random() < 0.85:
-        keys = list(tree) if isinstance(tree, dict) else list(range(len(tree)))
+        keys: list[Any] = list(tree) if isinstance(tree, dict) else list(range(len(tree)))
         key, changed = draw.choice(keys), tree.copy()
         kind = draw.random()
         if kind < 0.08:
