@@ -43,7 +43,7 @@ def simulated() -> SimulatedRecording:
     return SimulatedRecording.with_errors(
         built_in_world("lab"),
         errors_of_level("fair", "kinect_v1"),
-        rate=0.6,
+        rate=0.3,
         bad_frames=0.2,
         seed=3,
     )

@@ -21,7 +21,7 @@ from hypermap.recordings import open_recording
 
 from ..roscore import free_port, roscore_command
 
-COUNT = 6
+COUNT = 3
 TOPICS = [
     "/tf",
     "/tf_static",

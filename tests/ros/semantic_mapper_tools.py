@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -176,6 +177,11 @@ def room(rospy: Any, port: Any) -> Iterator[Callable[..., Room]]:
 @pytest.fixture(scope="session")
 def drive() -> list[RgbdFrame]:
     """A drive through the demo's room, a frame in each second."""
+    return list(_drive())  # the fixture is made anew for each module that imports it
+
+
+@cache
+def _drive() -> list[RgbdFrame]:
     return at(START, list(SimulatedRecording(demo_world(), rate=1.0).frames()))
 
 

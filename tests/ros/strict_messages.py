@@ -64,6 +64,7 @@ def jazzy_store() -> Typestore:
     return _store(Stores.ROS2_JAZZY)
 
 
+@cache
 def _store(distribution: Stores) -> Typestore:
     store = get_typestore(distribution)
     ours = typestore().fielddefs

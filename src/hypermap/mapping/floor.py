@@ -253,11 +253,11 @@ def _directions(
 ) -> Iterator[NDArray[np.float64]]:
     """Yield the modes of the normals that may be those of a floor."""
     likely = normals[(normals @ up > _UPRIGHT / 2) | (normals[:, 2] > _LEVEL)]
-    some = normals[:: max(1, len(normals) // _SHIFTED)]
+    some = np.ascontiguousarray(normals[:: max(1, len(normals) // _SHIFTED)].T)
     found: list[NDArray[np.float64]] = []
     for normal in likely[:: max(1, len(likely) // _TRIED)]:
         for _ in range(4):  # mean shift
-            mean = normal + some[some @ normal > _SAME_NORMAL].sum(axis=0)  # never zero
+            mean = normal + some @ (normal @ some > _SAME_NORMAL).astype(np.float64)  # never zero
             normal = mean / np.linalg.norm(mean)
         if all(normal @ other < 0.999 for other in found):
             found.append(normal)
@@ -283,17 +283,19 @@ def _lowest_plane(
         return None
     first = int(enough[0])
     offset = float(np.median(heights[first : first + int(reaches[first])]))
+    before = None
     for _ in range(5):
         on = (normals @ normal > _SAME_NORMAL) & (np.abs(points @ normal - offset) < _THICK)
         if np.count_nonzero(on) < needed:
             return None
-        center = points[on].mean(axis=0)
-        axes = _principal_axes(points[on] - center)
+        if before is not None and np.array_equal(on, before):
+            break
+        before, there = on, points[on]
+        center = there.mean(axis=0)
+        axes = _principal_axes(there - center)
         normal = axes[2] if axes[2] @ normal > 0 else -axes[2]
         offset = float(center @ normal)
     if np.mean(points @ normal < offset - _DEEP) > _MOST_BELOW:
         return None
-    length, width = np.ptp(
-        np.percentile((points[on] - center) @ axes[:2].T, [2, 98], axis=0), axis=0
-    )
+    length, width = np.ptp(np.percentile((there - center) @ axes[:2].T, [2, 98], axis=0), axis=0)
     return Floor(normal, offset, (float(length), float(width))), int(np.count_nonzero(on))

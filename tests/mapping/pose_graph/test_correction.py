@@ -20,6 +20,8 @@ from hypermap.simulation.trajectory import camera_poses
 
 from .rooms import AROUND, drive, seen_from
 
+pytestmark = pytest.mark.xdist_group("pose_graph")  # they share what takes long to make
+
 ODOMETRY = PoseNoise(odometry=0.01, odometry_yaw_deg=0.1, odometry_turn=0.01)
 
 
