@@ -118,6 +118,27 @@ def test_which_objects_are_found(flat: Hypermap, question: str, found: list[int]
 
 
 @pytest.mark.parametrize(
+    ("question", "heading"),
+    [
+        ("what is in front of me?", 0),
+        ("what is ahead of me", 0),
+        ("what is to the right of me?", 90),
+        ("what is behind me?", 180),
+        ("what is on my left?", -90),
+    ],
+)
+def test_what_is_around_someone_depends_on_the_heading(
+    flat: Hypermap, question: str, heading: float
+) -> None:
+    # Up to 2 m away are the chair, the table and the cup on it, all in the direction of x.
+    answer = answer_to(flat, question, Pose2D(1, 2, math.radians(heading)))
+    assert sorted(map(str, ids(answer))) == ["0", "1", "3"]
+    assert answer.notes == (f"you look along {heading} degrees",)
+    other = answer_to(flat, question, Pose2D(1, 2, math.radians(heading + 90)))
+    assert ids(other) == []
+
+
+@pytest.mark.parametrize(
     ("question", "count", "rooms"),
     [
         ("how many chairs are there", 2, []),

@@ -59,6 +59,7 @@ def test_the_examples_can_be_asked(question: str) -> None:
         ("where is the zorblax", "cannot read 'zorblax'"),
         ("where is the refigerator", "cannot read 'refigerator'; did you mean 'refrigerator'"),
         ("what has moved since monday", "cannot read 'moved'; `hypermap changes` lists what was"),
+        ("how do I get to the kitchen?", "cannot read 'how', 'i', 'get'; `hypermap path` finds"),
         ("chairs within 3 furlongs of the table", "cannot read 'furlongs'"),
         ("wo ist die Tasse?", "'wo', 'ist', 'die', 'tasse': questions are read in English$"),
         ("¿cuántas sillas hay?", "questions are read in English$"),

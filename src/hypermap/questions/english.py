@@ -38,15 +38,13 @@ EXAMPLES = (
 LONGEST = 500
 """Characters of a question."""
 
-_OF_CHANGES = {
-    "changed",
-    "changes",
-    "moved",
-    "gone",
-    "removed",
-    "vanished",
-    "disappeared",
-    "missing",
+_OTHER_COMMANDS = {
+    re.compile(
+        r"\b(?:changed?|changes|moved|gone|removed|vanished|disappeared|missing)\b", re.IGNORECASE
+    ): "`hypermap changes` lists what was added, moved, reshaped and is gone",
+    re.compile(r"\b(?:get|go|drive|walk|route|way)\b.*\b(?:to|there)\b", re.IGNORECASE): (
+        "`hypermap path` finds the way to a place, an object or a room"
+    ),
 }
 _MOST_COMPARED = 2000  # names, with one that is not known
 _ADDRESS = re.compile(r"\s*(?:(?:hey|hi|hello|ok|okay|dear)\s+)?robot\s*[,:!]", re.IGNORECASE)
@@ -101,9 +99,9 @@ def _understood(text: str, vocabulary: Vocabulary, now: datetime | None) -> Quer
         words = ", ".join(map(repr, unknown[:5]))
         if is_foreign(unknown, len(unknown) < len(tokens)):
             raise NotUnderstood(f"cannot read {words}: questions are read in English", EXAMPLES[:3])
-        if not _OF_CHANGES.isdisjoint(unknown):
-            hint = "`hypermap changes` lists what was added, moved, reshaped and is gone"
-            raise NotUnderstood(f"cannot read {words}; {hint}", ("what is new since yesterday?",))
+        for clue, command in _OTHER_COMMANDS.items():
+            if clue.search(text):
+                raise NotUnderstood(f"cannot read {words}; {command}")
         close = [one for word in unknown[:5] if (one := _similar(word, vocabulary))]
         hint = f"; did you mean {', '.join(map(repr, close))}?" if close else ""
         raise NotUnderstood(f"cannot read {words}{hint}", _nearest(text))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from functools import cached_property
@@ -20,7 +21,14 @@ from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
 from hypermap.questions.query import Condition, Reference
-from hypermap.questions.relations import Sides, Stacks, any_pair, are_between, are_near
+from hypermap.questions.relations import (
+    Sides,
+    SidesOfAsker,
+    Stacks,
+    any_pair,
+    are_between,
+    are_near,
+)
 from hypermap.questions.taxonomy import Taxonomy
 from hypermap.rooms.kinds import rooms_of_points
 from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
@@ -282,7 +290,13 @@ class Finder:
             return any_pair(found, others, middles, "intersects", is_so=is_so)
         if relation == "visible from":
             return self._are_seen(condition.reference, found)
-        is_beside = Sides(relation, found, others, self._asker_pose())
+        asker = self._asker_pose()
+        is_beside: Sides | SidesOfAsker
+        if condition.reference.is_asker:
+            is_beside = SidesOfAsker(relation, found, asker)
+            self.notes.append(f"you look along {math.degrees(asker.yaw):g} degrees")
+        else:
+            is_beside = Sides(relation, found, others, asker)
         return any_pair(found, others, found.shapes, "dwithin", _IN_SIGHT, is_beside)
 
     def _are_between(self, found: Matches, references: tuple[Reference, Reference]) -> BoolArray:

@@ -107,9 +107,9 @@ class Condition:
 
     Attributes:
         relation: "near" and "beyond" compare the distance between shapes with `within`; sides, such
-            as "left of", are as the asker sees the reference; "visible from" needs a line of sight
-            without walls; "with" holds for rooms that contain such an object; "between" is between
-            the reference and the other one.
+            as "left of", are as the asker sees the reference; those of the asker depend on the
+            heading. "visible from" needs a line of sight without walls; "with" holds for rooms that
+            contain such an object; "between" is between the reference and the other one.
         reference: the place, room or objects that it refers to. Any of the objects will do, but
             "between" needs a single one. "in" with the asker means in the same room.
         within: a distance [m]; None for "next to" (`NEXT_TO` in `answer`).

@@ -63,6 +63,29 @@ class Sides:
         return is_so
 
 
+class SidesOfAsker:
+    """Tells which objects are on a side of someone, by where the nearest point of each is."""
+
+    def __init__(self, relation: str, found: Matches, asker: Pose2D) -> None:
+        self._relation, self._asker = relation, asker
+        self._shapes, self._middles = found.shapes, found.centroids
+
+    def __call__(self, at: IntArray, of: IntArray) -> BoolArray:  # noqa: ARG002
+        """Return which of some pairs with the asker's place are so."""
+        place = shapely.Point(self._asker.x, self._asker.y)
+        ways = np.asarray(shapely.shortest_line(place, self._shapes[at]))
+        nearest = shapely.get_coordinates(shapely.get_point(ways, 1))
+        is_around = shapely.length(ways) == 0  # the asker stands on it
+        nearest[is_around] = self._middles[at[is_around]]
+        x, y = (nearest - (self._asker.x, self._asker.y)).T
+        c, s = np.cos(self._asker.yaw), np.sin(self._asker.yaw)
+        ahead, left = c * x + s * y, c * y - s * x
+        sides = {"left of": left, "right of": -left, "in front of": ahead, "behind": -ahead}
+        most = np.maximum(np.abs(ahead), np.abs(left))
+        is_so: BoolArray = (sides[self._relation] > 0) & (sides[self._relation] >= most)
+        return is_so
+
+
 def any_pair(
     found: Matches,
     others: Matches,

@@ -106,6 +106,11 @@ _KEYWORDS = {
         "|in front of|behind|at the back of|left from|right from|on the left side of"
         "|on the right side of"
     ),
+    "MY_SIDE": (
+        "on my left|to my left|on your left|to your left|on my right|to my right|on your right"
+        "|to your right|ahead|ahead of me|ahead of you|straight ahead|right in front of me"
+        "|directly in front of me|in my back|behind my back"
+    ),
     "NOT": "not|not one|outside|outside of|anywhere but|except those|except the ones|but not those",
     "AND": "and|and also|and are|and is|but|as well as|that are also|plus",
     "OR": "or|and or|nor",

@@ -135,4 +135,4 @@ def side_of(text: str) -> Relation:
         return "left of"
     if "right" in words:
         return "right of"
-    return "in front of" if "front" in words else "behind"
+    return "in front of" if {"front", "ahead"} & set(words) else "behind"

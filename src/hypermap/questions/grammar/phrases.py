@@ -139,6 +139,11 @@ class Phrases(Transformer[Token, Query]):
         relation = next(_RELATIONS[name] for name in types if name in _RELATIONS)
         return Condition(relation, reference, negated=is_negated)
 
+    def at_side(self, parts: list[Any]) -> Condition:
+        types = types_of(parts)
+        side = side_of(types.get("MY_SIDE", types.get("SIDE", "")))
+        return Condition(side, Reference(is_asker=True), negated="NOT" in types)
+
     def in_here(self, parts: list[Any]) -> Condition:
         types = types_of(parts)
         first = self._tokens[0].type
