@@ -150,14 +150,15 @@ def run(
     cwd: str | Path | None = None,
     env: Mapping[str, str] | None = None,
     timeout: float | None = None,
+    **options: Any,
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end, and return what it wrote.
+    """Run a command to its end, and return what it wrote; `options` are those of `Command`.
 
     Raises:
         subprocess.TimeoutExpired: If it does not end in that many seconds.
     """
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    command = Command(*words, cwd=cwd, env=env, **pipes)
+    command = Command(*words, cwd=cwd, env=env, **pipes, **options)
     try:
         out, err = command.communicate(timeout)
     except BaseException:

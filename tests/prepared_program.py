@@ -137,6 +137,7 @@ if __name__ == "__main__":
     os.environ.clear()
     os.environ.update(job["environment"])
     tempfile.tempdir = None  # to be found in this environment
+    sys.path[1:1] = filter(None, job["environment"].get("PYTHONPATH", "").split(os.pathsep))
     sys.argv[1:] = job["words"]
     if "rospy" in sys.modules:
         sys.modules["rospy"].names.reload_mappings(sys.argv)  # which it has read when imported

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xmlrpc.client import ServerProxy
@@ -75,26 +75,27 @@ def wait_for(condition: Callable[[], Any], what: str, timeout: float = 120.0) ->
 
 
 HYPERMAP = [sys.executable, "-m", "hypermap"]
-ROS1_TOOLS = ("roslaunch", "rosnode", "rosparam", "rosservice", "rostopic")
+ROS1_TOOLS = ("roslaunch", "rosmsg", "rosnode", "rosparam", "rosservice", "rostopic")
 # What nodes import. Others, as matplotlib, can abort a process at whose end threads still run, as
 # those of rospy do.
 PACKAGES = ("hypermap.cli", "hypermap.formats", "hypermap.ros", "hypermap.ros.ros1", *ROS1_TOOLS)
 
 
-def program_of_python(command: list[str]) -> tuple[str, ...] | None:
-    """Return which program a command has Python run, as words after `python`; None for others."""
+def program_of_python(command: Sequence[str]) -> tuple[tuple[str, ...], Sequence[str]] | None:
+    """Return which program a command has Python run, and its words; None for other commands."""
     if command[0] in ROS1_TOOLS:
-        return (str(shutil.which(command[0])),)
+        return (str(shutil.which(command[0])),), command[1:]
     if command[0] != sys.executable:
         return None
-    return tuple(command[1 : 3 if command[1] in ("-c", "-m") else 2])
+    count = 3 if command[1] in ("-c", "-m") else 2
+    return tuple(command[1:count]), command[count:]
 
 
 class Process:
     """A program with its output in a file; what ROS writes gets there at once, too.
 
     A program of Python, as `HYPERMAP` and words or a tool of ROS 1, is a copy that starts quickly,
-    unless it `is_new`: a copy does not search the PYTHONPATH of `env`.
+    unless it `is_new`: what a copy has imported already is not searched for on its PYTHONPATH.
     """
 
     popen: subprocess.Popen[bytes] | Command
@@ -123,8 +124,7 @@ class Process:
             if is_new or (program := program_of_python(command)) is None:
                 self.popen = subprocess.Popen(command, **options)
             else:
-                words = command[1 + len(program) :] if command[0] == sys.executable else command[1:]
-                self.popen = Command(*words, **options, packages=PACKAGES, program=program)
+                self.popen = Command(*program[1], **options, packages=PACKAGES, program=program[0])
 
     @property
     def output(self) -> str:

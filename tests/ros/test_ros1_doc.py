@@ -10,6 +10,7 @@ from __future__ import annotations
 import doctest
 import os
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -17,7 +18,8 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Process, wait_for
+from .. import prepared
+from .conftest import HYPERMAP, PACKAGES, Process, program_of_python, wait_for
 
 pytestmark = [pytest.mark.xdist_group("ros"), pytest.mark.slow, pytest.mark.timeout(1200)]
 
@@ -72,7 +74,7 @@ def test_the_page_leads_to_a_map(
         elif command.startswith(("eval ", "export ")):
             environment = environment_after(command, environment)
         elif command.startswith(STAYS):
-            running.append(start("bash", "-c", f"exec {command}", env=environment))
+            running.append(start(*words_of(command), env=environment))
             for line in wanted.strip().splitlines():
                 wait_for_line(running[-1], line)
         else:
@@ -89,6 +91,11 @@ def environment_after(command: str, environment: dict[str, str]) -> dict[str, st
     return dict(line.split("=", 1) for line in done.stdout.decode().split("\0") if line)
 
 
+def words_of(command: str) -> list[str]:
+    """Return the words that a shell makes of a command."""
+    return shlex.split(command.replace("\\\n", " ").replace("$PWD", str(Path.cwd())))
+
+
 def wait_for_line(process: Process, line: str) -> None:
     wait_for(
         lambda: any(shows(line, written) for written in process.output.splitlines()), repr(line)
@@ -98,15 +105,12 @@ def wait_for_line(process: Process, line: str) -> None:
 def run(command: str, wanted: str, environment: dict[str, str]) -> None:
     """Run a command until it ends as the page shows."""
     fails = any(sign in command for sign in FAILS)
+    words = words_of(command)
+    program = program_of_python([*HYPERMAP, *words[1:]] if words[0] == "hypermap" else words)
+    assert program is not None, command
     for _ in range(5):
-        done = subprocess.run(
-            ["bash", "-c", command],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=240,
-            check=False,
+        done = prepared.run(
+            *program[1], program=program[0], packages=PACKAGES, env=environment, timeout=240
         )
         got = done.stdout + (done.stderr if fails else "")
         if (done.returncode != 0) == fails and shows(wanted, got):

@@ -9,11 +9,12 @@ SIAM J. Matrix Anal. Appl. 13, 1992).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
 from scipy.sparse import csr_array
 
 Matrix = NDArray[np.float64]
@@ -42,19 +43,16 @@ class BlockCholesky:
         Raises:
             numpy.linalg.LinAlgError: If the matrix is not positive definite.
         """
-        count = -(-matrix.shape[0] // size)
         diagonal: list[Matrix] = []
         below: list[Matrix] = []
-        for block in range(count):
-            here = slice(block * size, (block + 1) * size)
-            rest = matrix[here, here].toarray()
-            if below:
-                rest -= below[-1] @ below[-1].T
-            diagonal.append(cholesky(rest, lower=True, overwrite_a=True, check_finite=False))
-            if block + 1 < count:
-                after = slice(here.stop, here.stop + size)
-                coupling = matrix[here, after].toarray()
-                below.append(_forward(diagonal[-1], coupling).T)
+        for here, coupling in _blocks(matrix, size):
+            rest = here - below[-1] @ below[-1].T if below else here
+            factor, failed = dpotrf(rest, lower=True)
+            if failed:
+                raise np.linalg.LinAlgError("the matrix is not positive definite")
+            diagonal.append(factor)
+            if coupling.size:
+                below.append(_forward(factor, coupling).T)
         return BlockCholesky(size, diagonal, below)
 
     def log_determinant(self) -> float:
@@ -72,9 +70,7 @@ class BlockCholesky:
             rest = parts[block]
             if block + 1 < len(parts):
                 rest = rest - self.below[block].T @ parts[block + 1]
-            parts[block] = solve_triangular(
-                self.diagonal[block], rest, lower=True, trans="T", check_finite=False
-            )
+            parts[block] = _backward(self.diagonal[block], rest)
         return np.concatenate(parts)
 
     def solve_near(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -102,9 +98,7 @@ class BlockCholesky:
             rest = parts.get(block, np.zeros(len(self.diagonal[block])))
             if after is not None:
                 rest = rest - self.below[block].T @ after
-            after = solve_triangular(
-                self.diagonal[block], rest, lower=True, trans="T", check_finite=False
-            )
+            after = _backward(self.diagonal[block], rest)
             solved[block * self.size : (block + 1) * self.size] = after
             size = float(np.abs(after).max())
             largest = max(largest, size)
@@ -118,17 +112,38 @@ class BlockCholesky:
         after: Matrix | None = None  # the block of the inverse after this one
         for block in reversed(range(len(self.diagonal))):
             factor = self.diagonal[block]
-            here = cho_solve((factor, True), np.eye(len(factor)), check_finite=False)
+            here = dpotrs(factor, np.eye(len(factor)), lower=True)[0]
             if after is not None:
-                gain = solve_triangular(
-                    factor, self.below[block].T, lower=True, trans="T", check_finite=False
-                )
+                gain = _backward(factor, self.below[block].T)
                 here += gain @ after @ gain.T
             found.append(np.diagonal(here).copy())
             after = here
         return np.concatenate(found[::-1])
 
 
+def _blocks(matrix: csr_array, size: int) -> Iterator[tuple[Matrix, Matrix]]:
+    """Yield each block on the diagonal, and the one to its right; the last has none there."""
+    matrix.sum_duplicates()
+    count = matrix.shape[0]
+    rows = np.repeat(np.arange(count), np.diff(matrix.indptr))
+    for start in range(0, count, size):
+        width, both = min(size, count - start), min(2 * size, count - start)
+        entries = slice(matrix.indptr[start], matrix.indptr[start + width])
+        cols = matrix.indices[entries] - start
+        is_there = cols >= 0  # those to the left are the same as to the right of the block before
+        dense = np.zeros((width, both))
+        dense[rows[entries][is_there] - start, cols[is_there]] = matrix.data[entries][is_there]
+        yield dense[:, :width], dense[:, width:]
+
+
+# LAPACK itself: scipy's functions around it take several times as long with small blocks.
+
+
 def _forward(factor: Matrix, right: NDArray[np.float64]) -> NDArray[np.float64]:
-    solved: NDArray[np.float64] = solve_triangular(factor, right, lower=True, check_finite=False)
+    solved: NDArray[np.float64] = dtrtrs(factor, right, lower=True)[0]
+    return solved
+
+
+def _backward(factor: Matrix, right: NDArray[np.float64]) -> NDArray[np.float64]:
+    solved: NDArray[np.float64] = dtrtrs(factor, right, lower=True, trans=True)[0]
     return solved
