@@ -119,7 +119,10 @@ def mutate_json(data: bytes, draw: random.Random) -> bytes:
         return mutate_text(data, draw)
     for _ in range(draw.choice([1, 1, 1, 2, 3])):
         tree = _with_one_changed(tree, draw)
-    return json.dumps(tree).encode()[:MOST_BYTES]
+    try:
+        return json.dumps(tree).encode()[:MOST_BYTES]
+    except (ValueError, RecursionError):  # a number of too many digits, or too deep
+        return mutate_text(data, draw)
 
 
 def _with_one_changed(tree: Any, draw: random.Random) -> Any:
@@ -142,7 +145,7 @@ def _with_one_changed(tree: Any, draw: random.Random) -> Any:
     if isinstance(tree, str) and len(tree) > 40 and draw.random() < 0.9:
         return _packed_text_changed(tree, draw)
     if isinstance(tree, (int, float)) and draw.random() < 0.4:
-        return draw.choice([-tree, tree + 1, tree - 1, tree * 1000, float(tree), str(tree)])
+        return draw.choice([-tree, tree + 1, tree - 1, tree * 1000, bool(tree), [tree]])
     return draw.choice(_ODD)
 
 

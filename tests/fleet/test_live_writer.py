@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import sqlite3
 import threading
 import time
@@ -16,6 +17,7 @@ import pytest
 pytest.importorskip("psycopg", reason="psycopg is missing")
 
 from hypermap import Hypermap, HypermapError, SemanticLayer
+from hypermap.cli.main import main
 from hypermap.core.evidence import EvidenceTable
 from hypermap.fleet.store import followers
 from hypermap.fleet.store.address import parse_address
@@ -267,13 +269,60 @@ def test_what_the_store_refuses_is_set_aside_and_the_rest_is_stored(
     assert spool.aside == 3
     spool.close()
     assert len(troubles) == 3
-    assert all("this was set aside in the table `refused`" in trouble for trouble in troubles)
+    assert all(f"see: hypermap refused {spool.path}" in trouble for trouble in troubles)
     again: list[str] = []
     LiveWriter(lambda: (mapped(0, 1), None), NOWHERE, spool.path, "anna", again.append).close()
-    assert (
-        f"3 parts were refused by the store, in all runs; see table `refused` of {spool.path}"
-        in again
-    )
+    see = f"see: hypermap refused {spool.path}"
+    assert f"3 parts were refused by the store, in all runs; {see}" in again
+
+
+def test_of_what_is_refused_the_newest_stays(tmp_path: Path) -> None:
+    spool = Spool(tmp_path / "spool")
+    for number in range(5):
+        spool.put(Observed("lab", "semantic", "anna", [square("cup", 0, 0, id=number)]))
+    spool.set_aside(1, "reason 1")
+    size = len(spool.refused()[0].content)
+    spool.close()
+    spool = Spool(tmp_path / "spool", most_refused=3.5 * size / 1e6)
+    dropped = [spool.set_aside(number, f"reason {number}") for number in range(1, 6)]
+    assert [each.reason for each in spool.refused()] == ["reason 3", "reason 4", "reason 5"]
+    assert (dropped, spool.dropped) == ([0, 0, 0, 1, 1], 2)
+    spool.close()
+    tight = Spool(tmp_path / "spool", most_refused=0.0)
+    assert (tight.set_aside(1, "again"), tight.dropped, tight.aside) == (3, 5, 1)
+    tight.close()
+
+
+def test_what_was_refused_is_listed_sent_again_and_dropped(
+    store: str, database: Database, site: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "spool"
+    spool = Spool(path)
+    for number, name in enumerate(["mug", "a cup\0"]):
+        spool.put(Observed(site, "semantic", "anna", [square(name, 9.0 * number, 0, id=number)]))
+        spool.set_aside(number + 1, f"no {name}")
+        spool.remove(number + 1)
+    spool.close()
+
+    def said(*arguments: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as ended:
+            main(["refused", *arguments])
+        captured = capsys.readouterr()
+        return int(ended.value.code or 0), captured.out, captured.err
+
+    listed = json.loads(said(str(path), "--json")[1])
+    assert [(each["objects"], each["reason"]) for each in listed["refused"]] == [
+        (["mug"], "no mug"),
+        (["a cup\0"], "no a cup\0"),
+    ]
+    status, out, err = said(str(path), "--resend", store)
+    assert (status, out) == (2, "1 part stored, 1 still refused\n")
+    assert "2: postgresql://" in err
+    assert [item.name for item in pull(database, site).semantic()] == ["mug"]
+    assert said(str(path), "2", "--drop")[:2] == (0, "1 part dropped\n")
+    assert "number 2" in said(str(path), "2")[2]
+    assert "no such file" in said(f"{path}x")[2]
+    assert "not both" in said(str(path), "--drop", "--resend", store)[2]
 
 
 def test_what_a_store_refuses_for_now_waits(

@@ -161,6 +161,16 @@ def command(
             rich_help_panel=_STORE,
         ),
     ] = Path("hypermap.spool"),
+    most_refused: Annotated[
+        float,
+        typer.Option(
+            "--refused-mb",
+            metavar="MB",
+            min=0,
+            rich_help_panel=_STORE,
+            help="Keep at most so much of what the store refused, the newest.",
+        ),
+    ] = 100.0,
     ros1: Ros1 = False,
     ros2: Ros2 = False,
     param: Params = None,
@@ -221,13 +231,17 @@ def command(
 
     port = make_port(SemanticMapper, arguments, middleware, {**given, **parse_params(param)})
     node = SemanticMapper(port)
-    with status_line(node.report, node.__len__), _written(node, store, spool, robot):
+    with status_line(node.report, node.__len__), _written(node, store, spool, robot, most_refused):
         run_node(port, node)
 
 
 @contextlib.contextmanager
 def _written(
-    node: SemanticMapper, store: str | None, spool: Path, robot: str | None
+    node: SemanticMapper,
+    store: str | None,
+    spool: Path,
+    robot: str | None,
+    most_refused: float,
 ) -> Iterator[None]:
     """Write what the node maps to a store meanwhile, if there is one."""
     if store is None:
@@ -237,7 +251,8 @@ def _written(
     from hypermap.fleet.store.live_writer import LiveWriter
 
     address = site_address(store)
-    writer = LiveWriter(node.mapped, address, spool, robot or platform.node(), note)
+    named = robot or platform.node()
+    writer = LiveWriter(node.mapped, address, spool, named, note, most_refused)
     try:
         yield
     finally:

@@ -58,6 +58,7 @@ _MODULES = {
     "sites": "sites",
     "log": "log",
     "thin": "thin",
+    "refused": "refused",
     "find": "find",
     "api": "api",
     "evaluate": "evaluate",

@@ -17,7 +17,7 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.fleet.store.address import Address, StoreError
 from hypermap.fleet.store.observed import Observed
 from hypermap.fleet.store.seen_cells import changed_cells
-from hypermap.fleet.store.spool import Delivery, Spool
+from hypermap.fleet.store.spool import MOST_REFUSED_MB, Delivery, Spool
 
 _EVERY = 1.0  # s
 
@@ -84,6 +84,7 @@ class LiveWriter:
         spool: the file in which observations wait for the database.
         robot: the robot's name; each run counts as a source of its own.
         on_trouble: called with a line when the database is away or refuses.
+        most_refused: how much of what the store refuses stays in the spool [MB].
     """
 
     def __init__(
@@ -93,12 +94,13 @@ class LiveWriter:
         spool: Path,
         robot: str,
         on_trouble: Callable[[str], None],
+        most_refused: float = MOST_REFUSED_MB,
     ) -> None:
         if address.site is None:
             raise StoreError(f"{address.shown}: name the site: ?site=SITE")
         self._layers = layers
         self._changes = Changes(address.site, f"{robot} {uuid.uuid4().hex[:8]}")
-        self._spool = Spool(spool)
+        self._spool = Spool(spool, most_refused)
         self._delivery = Delivery(self._spool, address, on_trouble)
         self._on_trouble = on_trouble
         self._left: Observed | None = None  # what the spool could not take
@@ -120,12 +122,16 @@ class LiveWriter:
         try:
             waiting = self._delivery.close()
             if aside := self._spool.aside:
-                was = "1 part was" if aside == 1 else f"{aside} parts were"
-                where = f"table `refused` of {self._spool.path}"
-                self._on_trouble(f"{was} refused by the store, in all runs; see {where}")
+                self._on_trouble(self._said_of_refused(aside, self._spool.dropped))
             return waiting
         finally:
             self._spool.close()
+
+    def _said_of_refused(self, aside: int, dropped: int) -> str:
+        was = "1 part was" if aside == 1 else f"{aside} parts were"
+        more = f", and {dropped} older ones were dropped" if dropped else ""
+        see = f"see: hypermap refused {self._spool.path}"
+        return f"{was} refused by the store, in all runs{more}; {see}"
 
     def _run(self) -> None:
         while not self._ended.wait(_EVERY):

@@ -3,7 +3,8 @@
 Each is written to the file before anyone tries to send it, and removed when the database has
 confirmed it. It has an id by which the store knows one that it has already: nothing is lost and
 nothing is stored twice, whichever side fails in between. What the store will never take is set
-aside in the same file, so that it does not block what comes after it.
+aside in the same file, so that it does not block what comes after it; `refused` shows, resends or
+drops that.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import threading
 import uuid
 import zlib
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +56,15 @@ _TABLES = (
     "CREATE TABLE IF NOT EXISTS refused (number INTEGER, part TEXT, reason TEXT NOT NULL, "
     "content TEXT NOT NULL, PRIMARY KEY (number, part))",
 )
+# All that is refused but the newest, and the newest that fit into so many bytes.
+_DROP_OLDEST = """DELETE FROM refused WHERE rowid IN (
+    SELECT rowid FROM (SELECT rowid, row_number() OVER newest AS place,
+        sum(length(content)) OVER newest AS total FROM refused
+        WINDOW newest AS (ORDER BY rowid DESC))
+    WHERE place > 1 AND total > ?) RETURNING rowid"""
+
+MOST_REFUSED_MB = 100.0
+"""How much of what the store refused is kept in a spool, the newest."""
 
 
 class DamagedEntry(FormatError):
@@ -68,15 +79,35 @@ class DamagedEntry(FormatError):
         self.number = number
 
 
+@dataclass(frozen=True)
+class Refused:
+    """What a store refused, as it is kept in a spool.
+
+    Attributes:
+        number: of this part, in this file.
+        reason: why it was refused.
+        content: as the spool keeps it; `observed` reads it.
+    """
+
+    number: int
+    reason: str
+    content: bytes = field(repr=False)
+
+
 class Spool:
     """A file of observations in the order in which they were put.
+
+    Args:
+        path: of the file, which is made if it is not there.
+        most_refused: how much of what a store refused stays [MB]; the oldest is dropped.
 
     Raises:
         HypermapError: If the file cannot be opened, or is not a spool.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, most_refused: float = MOST_REFUSED_MB) -> None:
         self.path = path
+        self._most_refused = int(most_refused * 1e6)
         self._lock = threading.Lock()
         try:
             self._file = _open(path)
@@ -111,8 +142,11 @@ class Spool:
         """
         self._do("DELETE FROM waiting WHERE number = ?", number)
 
-    def set_aside(self, number: int, reason: str, part: Observed | None = None) -> None:
+    def set_aside(self, number: int, reason: str, part: Observed | None = None) -> int:
         """Keep an entry, or a part of it, where it blocks nothing; the entry stays until removed.
+
+        Returns:
+            How many older parts had to be dropped for it.
 
         Raises:
             HypermapError: If the file cannot be written.
@@ -128,11 +162,45 @@ class Spool:
                 "INSERT OR REPLACE INTO refused VALUES (?, ?, ?, ?)",
                 *(number, str(part.id), reason, _dump(part)),
             )
+        dropped = len(self._do(_DROP_OLDEST, self._most_refused))
+        if dropped:  # the file's own number for its user counts them
+            self._do(f"PRAGMA user_version = {self.dropped + dropped}")
+        return dropped
+
+    def refused(self) -> list[Refused]:
+        """Return what was set aside, the oldest first.
+
+        Raises:
+            HypermapError: If the file is damaged.
+        """
+        rows = self._do("SELECT rowid, reason, CAST(content AS BLOB) FROM refused ORDER BY rowid")
+        return [Refused(*row) for row in rows]
+
+    def observed(self, refused: Refused) -> Observed:
+        """Return the observations of what was set aside.
+
+        Raises:
+            DamagedEntry: If they cannot be read.
+        """
+        return _parse(refused.content, self.path, refused.number)
+
+    def forget(self, refused: Refused) -> None:
+        """Drop what was set aside, or what the store has taken after all.
+
+        Raises:
+            HypermapError: If the file cannot be written.
+        """
+        self._do("DELETE FROM refused WHERE rowid = ?", refused.number)
 
     @property
     def aside(self) -> int:
         """Return how much was set aside."""
         return int(self._do("SELECT count(*) FROM refused")[0][0])
+
+    @property
+    def dropped(self) -> int:
+        """Return how much of what was set aside had to be dropped, ever."""
+        return int(self._do("PRAGMA user_version")[0][0])
 
     def __len__(self) -> int:
         return int(self._do("SELECT count(*) FROM waiting")[0][0])
@@ -171,6 +239,7 @@ class Delivery:
         self._database = Database(address)
         self._on_trouble = on_trouble
         self._said = self._said_aside = ""
+        self._said_dropped = False
         self._failed = (0, 0)  # an entry at which a library failed, and how often
         self._wakes = threading.Event()
         self._ended = threading.Event()
@@ -250,11 +319,15 @@ class Delivery:
                 self._send(number, part)
 
     def _set_aside(self, number: int, reason: str, part: Observed | None = None) -> None:
-        self._spool.set_aside(number, reason, part)
+        dropped, path = self._spool.set_aside(number, reason, part), self._spool.path
         if reason != self._said_aside:
             self._said_aside = reason
-            where = f"table `refused` of {self._spool.path}"
-            self._on_trouble(f"{reason}; this was set aside in the {where}, the rest is sent")
+            self._on_trouble(
+                f"{reason}; this was set aside, the rest is sent; see: hypermap refused {path}"
+            )
+        if dropped and not self._said_dropped:
+            self._said_dropped = True
+            self._on_trouble(f"{path}: keeps no more of what the store refused; drops the oldest")
 
     def _complain(self, text: str) -> None:
         """Say what is wrong, once until it is another."""
