@@ -76,7 +76,7 @@ const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
 /** Cells that a spreadsheet would evaluate as a formula are marked as text. */
 function cell(value: unknown): string {
   if (value === null || value === undefined) return "";
-  let text = Array.isArray(value) ? value.join(" ") : String(value);
+  let text = Array.isArray(value) ? value.join(";") : String(value);
   if (FORMULA.test(text) && !NUMBER.test(text)) text = "'" + text;
   return /[",\n\r]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
 }

@@ -55,7 +55,7 @@ test("CSV keeps commas and quotes apart, and hands no formula to a spreadsheet",
     .trimEnd()
     .split("\r\n");
   assert.equal(head, "layer,id,name,x,y,area,existence,first_seen,last_seen,tags");
-  assert.equal(lines[0], "semantic,7,chair,1,-2.5,0.25,,,12.5,red old");
+  assert.equal(lines[0], "semantic,7,chair,1,-2.5,0.25,,,12.5,red;old");
   assert.equal(lines[1].split(",").slice(2, 4).join(","), `"'=SUM(A1), ""x"""`);
   const named = (name: string) => csv([{ ...row, name }]).slice(head.length + 2);
   assert.match(named("\n=1"), /"'\n=1"/);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import ssl
 import threading
 import time
 from collections.abc import Iterator
@@ -145,3 +146,11 @@ def test_a_refused_site_is_reported_why(gate: Gate) -> None:
         answer = received(client, 1 << 20)
     assert answer.startswith(b"HTTP/1.1 403 Forbidden\r\n")
     assert b"--allow-origin https://evil.example" in answer
+
+
+def test_a_client_that_wants_tls_is_told_at_once(gate: Gate) -> None:
+    heard: list[str] = []
+    gate._refused = heard.append
+    with connected(gate) as client, pytest.raises(ssl.SSLError):
+        ssl._create_unverified_context().wrap_socket(client)
+    assert heard == ["a client wants TLS (wss://); this server has none: connect with ws://"]

@@ -27,6 +27,7 @@ _LONGEST_HEADER = 16_384  # bytes
 _HEADER_TIME = 10.0  # s
 _MOST_CLIENTS = 64
 _PIECE = 1 << 18  # bytes
+_TLS = b"\x16"  # the first byte of a handshake
 
 
 def hidden_address() -> str:
@@ -115,7 +116,7 @@ class Gate:
         self._clients.add(task)
         self._silent[task] = writer
         try:
-            header = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), _HEADER_TIME)
+            header = await asyncio.wait_for(_header(reader), _HEADER_TIME)
             await self._let_in(header, reader, writer, partial(self._silent.pop, task, None))
         except (
             OSError,
@@ -169,6 +170,8 @@ class Gate:
 
     def _problem(self, header: bytes) -> str:
         """Return why a request is refused; nothing if it is not."""
+        if header == _TLS:
+            return "a client wants TLS (wss://); this server has none: connect with ws://"
         asked, *lines = header.decode("latin-1").split("\r\n")
         parts = (line.partition(":") for line in lines)
         fields = {name.strip().lower(): value.strip() for name, _, value in parts}
@@ -192,6 +195,12 @@ class Gate:
             return is_known(urlsplit(origin).netloc, self._hosts)
         except ValueError:
             return False
+
+
+async def _header(reader: asyncio.StreamReader) -> bytes:
+    """Return the header of a request; of a client that wants TLS, the first byte."""
+    first = await reader.readexactly(1)
+    return first if first == _TLS else first + await reader.readuntil(b"\r\n\r\n")
 
 
 async def _refuse(writer: asyncio.StreamWriter, status: str, reason: str) -> None:
