@@ -34,7 +34,8 @@ def test_a_written_recording_is_read_back_as_it_was(tmp_path: Path) -> None:
     for was, now in zip(recording.frames(), again.frames(), strict=True):
         assert now.stamp == pytest.approx(was.stamp, abs=1e-6)
         assert np.allclose(now.camera.K, was.camera.K)
-        assert now.depth == pytest.approx(was.depth, abs=1.01e-4, nan_ok=True)  # 1 / 5000 m steps
+        # Steps of 1 / 5000 m.
+        np.testing.assert_allclose(now.depth, was.depth, rtol=0, atol=1.01e-4)
         assert (now.color == was.color).all()
         assert now.map_T_camera == pytest.approx(was.map_T_camera, abs=1e-6)
         found = detections.at(now.color_stamp)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import cache
 from typing import TypeAlias
 
 import numpy as np
@@ -47,8 +48,12 @@ def revolved(profile: Sequence[tuple[float, float]], sections: int) -> Mesh:
     return np.concatenate([poles, *rings]), np.concatenate(faces)
 
 
+@cache
 def sphere(subdivisions: int) -> Mesh:
-    """Return a ball of radius 1: an icosahedron whose faces are divided in four some times."""
+    """Return a ball of radius 1: an icosahedron whose faces are divided in four some times.
+
+    It is made once, for each person that moves has several; nobody may change it.
+    """
     golden = (1 + 5**0.5) / 2
     corners = [np.roll((0, a, b), k) for k in range(3) for a in (-1, 1) for b in (-golden, golden)]
     vertices = np.array(corners) / np.hypot(1, golden)
@@ -62,6 +67,8 @@ def sphere(subdivisions: int) -> Mesh:
     faces = np.array(found)
     for _ in range(subdivisions):
         vertices, faces = _divided(vertices, faces)
+    for array in (vertices, faces):
+        array.flags.writeable = False
     return vertices, faces
 
 

@@ -46,11 +46,11 @@ def is_found(wanted: dict[str, Any], found: list[dict[str, Any]]) -> bool:
 def test_yolox_finds_on_a_real_desk_what_another_implementation_found(
     yolox: OnnxDetector, shared_data: Path
 ) -> None:
-    """Measured: 295 of the 295 boxes with score >= 0.4, 388 of all 392."""
+    """Measured on all images: 295 of the 295 boxes with score >= 0.4, 388 of all 392."""
     desk = shared_data / "desk"
     frames = json.loads((desk / "detections.json").read_text())["frames"]
     certain = everything = certain_found = everything_found = count = 0
-    for stamp, wanted in frames.items():
+    for stamp, wanted in list(frames.items())[::2]:
         image = np.asarray(Image.open(desk / "rgb" / f"{stamp}.png").convert("RGB"))
         detections = yolox.detect(image)
         count += len(detections)
