@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from hypermap import Hypermap, HypermapError, SemanticLayer
+from hypermap.cli.map_result import save_result
 from hypermap.formats import open_map
 from hypermap.perception.frame import Camera
 from hypermap.simulation import SimulatedRecording, demo_world, write_tum
+from hypermap.testing import assert_same_objects, square
 
 from .conftest import INTRINSICS, assert_one_error, objects_in, write_drive
 
@@ -155,3 +159,19 @@ def test_a_real_kitchen_with_a_tilted_world_is_reported(hypermap, shared_data, t
     assert "tilted by 27 degrees" in result.err
     assert "m below its origin" in result.err
     assert "tilted" not in hypermap(*kitchen, result.err.splitlines()[-1].strip()).err
+
+
+def test_a_map_that_cannot_be_saved_where_it_should_be_is_not_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as after a drive of hours onto a disk that is full by then."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    made = Hypermap([SemanticLayer("semantic", "map", [square("cup", 0, 0)])])
+    with pytest.raises(HypermapError, match=r"no such folder.*; this map is in (.*) instead") as no:
+        save_result(made, tmp_path / "gone" / "office.hmap", evidence=True, onto=None)
+    rescued = Path(str(no.value).split("this map is in ")[1].removesuffix(" instead"))
+    assert rescued.name == "office.hmap"
+    assert_same_objects(open_map(rescued).semantic(), made.semantic())
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    with pytest.raises(HypermapError, match=r"no such folder to save in$"):
+        save_result(made, tmp_path / "gone" / "office.hmap", evidence=True, onto=None)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 import stat
 import subprocess
@@ -34,6 +35,26 @@ def test_a_file_is_replaced_and_keeps_its_permissions(tmp_path: Path) -> None:
     assert path.read_bytes() == b"new"
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
     assert names(tmp_path) == ["map.hmap"]
+
+
+@pytest.mark.parametrize(("function", "number"), [("fsync", errno.EINVAL), ("fchmod", errno.EPERM)])
+def test_file_systems_that_cannot_flush_or_keep_permissions_can_keep_maps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, function: str, number: int
+) -> None:
+    """FAT has the same permissions for all files, and some network file systems cannot flush."""
+    write_files(tmp_path, {"a": b"old", "b": b"old"})
+
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, function, refuse)
+    write_files(tmp_path, {"a": b"new", "b": b"new"})
+    write_file(tmp_path / "a", b"newer")
+    assert [(tmp_path / name).read_bytes() for name in "ab"] == [b"newer", b"new"]
+    if function == "fchmod":  # but nothing becomes readable by others
+        (tmp_path / "a").chmod(0o600)
+        with pytest.raises(HypermapError, match="a: cannot be saved: Operation not permitted"):
+            write_file(tmp_path / "a", b"secret")
 
 
 def test_folders_below_are_made_and_may_be_there_already(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from hypermap.formats.journal import (
     Journal,
     complete_saves,
     final_of,
+    flush_file,
     flush_folder,
 )
 from hypermap.formats.locks import HAS_LOCKS, is_locked, lock_file, turn_to_save
@@ -188,7 +189,7 @@ class Unfinished:
             OSError: If that is not possible; the old file then remains.
         """
         _look_like(like or final, self.file.fileno())
-        os.fsync(self.file.fileno())
+        flush_file(self.file.fileno())
         if not HAS_LOCKS:  # on Windows, which does not rename open files
             self.file.close()
         self.path.replace(final)
@@ -310,7 +311,7 @@ def _write(temporary: Path, final: Path, content: bytes) -> None:
         _look_like(final, file.fileno())
         file.write(content)
         file.flush()
-        os.fsync(file.fileno())
+        flush_file(file.fileno())
 
 
 def _created(temporary: Path, mode: int = 0o666) -> int:
@@ -328,7 +329,8 @@ def _look_like(final: Path, handle: int) -> None:
         for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
             with contextlib.suppress(OSError):
                 os.fchown(handle, owner, group)
-    if hasattr(os, "fchmod"):
+    # On FAT, all files have the same permissions, and none may be changed.
+    if hasattr(os, "fchmod") and os.fstat(handle).st_mode != old.st_mode:
         os.fchmod(handle, stat.S_IMODE(old.st_mode))
 
 

@@ -8,6 +8,7 @@ save without a journal has not happened.
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import re
@@ -23,6 +24,7 @@ from hypermap.formats.locks import turn_to_save
 JOURNAL_NAME = ".hypermap-save.json"
 _TOKEN = re.compile(r"[0-9a-f]{16}")
 _MOST_BYTES = 4_000_000
+_CANNOT_FLUSH = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)  # says a file system, not a disk
 _TRIES = 20  # to read a map that is saved again and again
 
 T = TypeVar("T")
@@ -62,7 +64,7 @@ class Journal:
             with temporary.open("xb") as file:
                 file.write(json.dumps({"token": self.token, "names": list(self.names)}).encode())
                 file.flush()
-                os.fsync(file.fileno())
+                flush_file(file.fileno())
             temporary.replace(self.path)
         finally:
             temporary.unlink(missing_ok=True)
@@ -139,6 +141,19 @@ def read_as_saved(path: Path, read: Callable[[], T]) -> T:
         if not os.path.lexists(journal) and _look_at(path) == before:
             return value
     raise HypermapError(f"{path}: is being saved continuously; try again later")
+
+
+def flush_file(handle: int) -> None:
+    """Wait until the content of a file is on the disk, where the file system can do that.
+
+    Raises:
+        OSError: If the disk cannot take it.
+    """
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in _CANNOT_FLUSH:
+            raise
 
 
 def flush_folder(folder: Path) -> None:
