@@ -17,8 +17,6 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats.semantic.geojson import from_geojson, to_geojson
 from hypermap.formats.semantic.geopandas_bridge import to_geodataframe
 
-from ..strategies import layer_facts, semantic_layers
-
 CUP = SemanticObject(
     name="cup",
     footprint=shapely.Polygon([(0, 0), (0.5, 0), (0.5, 0.25)]),
@@ -54,11 +52,6 @@ def test_a_layer_is_a_collection_of_features_in_metres() -> None:
             },
         }
     ]
-
-
-@given(semantic_layers(name="objects", frame_id="lab"))
-def test_writing_and_reading_gives_exactly_the_same_layer(layer: SemanticLayer) -> None:
-    assert layer_facts(from_geojson(to_geojson(layer))) == layer_facts(layer)
 
 
 def test_a_file_without_frame_needs_one_and_a_name_can_be_given() -> None:

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hypermap.core.errors import FormatError
-from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
+from hypermap.core.semantic import Rejected, SemanticObject
 from hypermap.formats.semantic.yaml_files import PLUGIN, dump_objects, parse_objects, parse_table
 from hypermap.formats.store import MemoryStore
 
-from ..strategies import layer_facts, object_facts, semantic_layers
+from ..strategies import object_facts
 
 SQUARE = "POLYGON((0 0, 1 0, 1 1, 0 1, 0 0))"
 SCRIBBLE = shapely.Polygon(np.random.default_rng(0).random((3000, 2)) * 10).wkt
@@ -95,17 +95,6 @@ def test_an_entry_that_claims_the_id_of_an_object_does_not_take_it_when_saved() 
     again, rejected_again = parse(dump_objects(objects, rejected).decode())
     assert [object_facts(item) for item in again] == [object_facts(item) for item in objects]
     assert [entry.entry for entry in rejected_again] == [entry.entry for entry in rejected]
-
-
-@given(semantic_layers())
-def test_saving_and_loading_gives_exactly_the_same_objects(layer: SemanticLayer) -> None:
-    store = MemoryStore()
-    PLUGIN.save(layer, store, "semantic")
-    if len(layer) == 0:
-        assert store.files == {}
-        return
-    again = PLUGIN.load(store, "semantic", layer.name, layer.frame_id, {})
-    assert layer_facts(again) == layer_facts(layer)
 
 
 def test_an_object_that_could_not_be_read_again_cannot_be_made() -> None:
