@@ -74,6 +74,9 @@ def test_layers_are_had_as_what_they_are() -> None:
     assert hypermap.semantic("lab") is hypermap["lab"]
     assert hypermap.occupancy() is hypermap.occupancy("occupancy") is hypermap["occupancy"]
     assert Hypermap([hypermap["lab"]]).semantic() is hypermap["lab"]
+    rooms = SemanticLayer("rooms", hypermap["lab"].frame_id)
+    assert Hypermap([rooms, hypermap["lab"]]).semantic() is hypermap["lab"]  # rooms are found later
+    assert Hypermap([rooms]).semantic() is rooms
     with pytest.raises(HypermapError) as error:
         hypermap.semantic("occupancy")
     assert str(error.value) == (

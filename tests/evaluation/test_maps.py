@@ -36,6 +36,14 @@ def test_all_semantic_layers_count_each_brought_into_the_base_frame() -> None:
     assert centroids(found.objects) == pytest.approx(np.array([[5, 5], [7, 7], [10, 1]]))
 
 
+def test_rooms_are_not_compared_with_objects() -> None:
+    rooms = SemanticLayer("rooms", "map", [square("kitchen", 0, 0)])
+    (cup,) = map_objects(Hypermap([*one_cup("map"), rooms]), "room.hmap").objects
+    assert cup.name == "cup"
+    (kitchen,) = map_objects(Hypermap([rooms]), "rooms.hmap").objects
+    assert kitchen.name == "kitchen"
+
+
 @pytest.mark.parametrize("who_knows", ["the estimate", "the truth", "both"])
 def test_another_base_frame_is_brought_into_that_of_the_truth(who_knows: str) -> None:
     estimate = one_cup("odom", *([MAP_T_ODOM] if who_knows != "the truth" else []))

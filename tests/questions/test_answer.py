@@ -118,6 +118,23 @@ def test_which_objects_are_found(flat: Hypermap, question: str, found: list[int]
 
 
 @pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        ("which room is the couch in?", "couch 5 in kitchen"),
+        ("where are the chairs and cups?", "cup 1, mug 2, chair 3, ..."),
+        ("how many chairs are there?", "2"),
+        ("is there a couch in the hall?", "no"),
+        ("which rooms have a chair?", "hall"),
+        ("where is the piano?", "none; there is no piano in the map"),
+    ],
+)
+def test_the_short_form_of_an_answer_says_what_was_found(
+    flat: Hypermap, question: str, said: str
+) -> None:
+    assert repr(answer_to(flat, question)) == f"<Answer: {said}>"
+
+
+@pytest.mark.parametrize(
     ("question", "heading"),
     [
         ("what is in front of me?", 0),

@@ -16,16 +16,13 @@ from hypermap.core.found import Found, FoundObject
 from hypermap.core.frames import FrameTree
 from hypermap.core.history import History
 from hypermap.core.layer import Hits, Layer, check_count
-from hypermap.core.layer_stack import LayerStack
+from hypermap.core.layer_stack import ROOMS, LayerStack
 from hypermap.core.outside import OutsideMethods
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
 from hypermap.core.store import Matches, Placed, PlacedLayer, PlacedLayers
 
-__all__ = ["Found", "FoundObject", "Hypermap", "Matches"]
-
-ROOMS = "rooms"
-"""Name of the layer whose objects are rooms."""
+__all__ = ["ROOMS", "Found", "FoundObject", "Hypermap", "Matches"]
 
 
 class Hypermap(LayerStack, OutsideMethods):

@@ -19,6 +19,8 @@ from hypermap.core.shapes import as_area
 _log = logging.getLogger(__name__)
 
 DEFAULT_FRAME = "map"  # REP 105
+ROOMS = "rooms"
+"""Name of the layer whose objects are rooms."""
 
 AnyLayer = TypeVar("AnyLayer", bound=Layer)
 
@@ -80,7 +82,10 @@ class LayerStack:
         return layer
 
     def semantic(self, name: str | None = None) -> SemanticLayer:
-        """Return the semantic layer with this name, or the only one; raises like `layer`."""
+        """Return the semantic layer with this name, or the only one; raises like `layer`.
+
+        The layer of rooms is returned without its name only if there is no other one.
+        """
         return self.layer(self._only(SemanticLayer) if name is None else name, SemanticLayer)
 
     def occupancy(self, name: str | None = None) -> OccupancyLayer:
@@ -89,6 +94,8 @@ class LayerStack:
 
     def _only(self, kind: type[Layer]) -> str:
         names = [layer.name for layer in self if isinstance(layer, kind)]
+        if len(names) > 1:
+            names = [name for name in names if name != ROOMS]
         if len(names) != 1:
             what = f"{kind.__name__.removesuffix('Layer').lower()} layer"
             if not names:

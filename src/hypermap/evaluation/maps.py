@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from hypermap.core.errors import FrameError, HypermapError
 from hypermap.core.frames import Pose2D
-from hypermap.core.hypermap import Hypermap
+from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 
 
@@ -60,7 +60,7 @@ def map_objects(
 def objects_in_frame(
     hypermap: Hypermap, name: str, frame_id: str, frame_T_base: Pose2D
 ) -> MapObjects:
-    """Return all objects of a map in a frame.
+    """Return all objects of a map in a frame; rooms count only if it has no other objects.
 
     Args:
         hypermap: the map.
@@ -73,6 +73,7 @@ def objects_in_frame(
         FrameError: If it has no transform between a layer's frame and its own.
     """
     layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
+    layers = [layer for layer in layers if layer.name != ROOMS] or layers
     if not layers:
         raise HypermapError(f"{name}: the map has no layer of objects, so nothing can be compared")
     objects: list[SemanticObject] = []

@@ -16,7 +16,7 @@ from hypermap.spreadsheet import as_csv
 Data: TypeAlias = dict[str, Any]
 
 RULES = {
-    "count": "all objects of all semantic layers",
+    "count": "all objects of all semantic layers; rooms are none",
     "closest": "each true object next to the estimated one of its class with the nearest centroid, "
     "moved so that the centroids coincide; means over the true objects whose class the estimate "
     "has (thesis, 2019; IoU is the Jaccard index)",

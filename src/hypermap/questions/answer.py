@@ -45,6 +45,8 @@ from hypermap.rooms.rooms import Room
 from hypermap.values import value_layer_called
 from hypermap.values.past import why_undated
 
+_SHOWN = 3  # objects in the short form of an answer
+
 
 @dataclass(frozen=True, eq=False)
 class Answer:
@@ -70,6 +72,25 @@ class Answer:
     measured: tuple[Mapping[str, Any], ...] = ()
     similarities: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return what was found, as a person reads it."""
+        if self.query.give == "exists":
+            said = "yes" if self.exists else "no"
+        elif self.query.give == "count" and not self.query.counts_each_room:
+            said = str(self.count)
+        else:
+            names = [f"{item.object.name} {item.object.id}" for item in self.first(_SHOWN)]
+            rooms = ["no room" if room is None else room.name for room in self.rooms[:_SHOWN]]
+            if self.query.give == "room":
+                names = [f"{name} in {room}" for name, room in zip(names, rooms, strict=True)]
+            elif self.query.asks_rooms:
+                names = rooms
+            names += [str(cell.label) for cell in self.cells[:_SHOWN]]
+            more = ", ..." if self.count > _SHOWN else ""
+            said = ", ".join(names) + more if names else "none"
+        notes = "".join(f"; {note}" for note in self.notes)
+        return f"<Answer: {said}{notes}>"
 
     @cached_property
     def objects(self) -> tuple[FoundObject, ...]:
