@@ -23,6 +23,7 @@ from hypermap import (
     open_map,
 )
 from hypermap.alignment import NotAligned, align, in_frame_of
+from hypermap.alignment.grids import Field, scan_of
 
 FLAT = shapely.Polygon([(0, 0), (9, 0), (9, 4), (5.5, 4), (5.5, 7), (0, 7)])
 WALLS = shapely.MultiLineString(
@@ -92,6 +93,18 @@ def test_any_transform_is_found(pose: Pose2D) -> None:
     assert (found.objects, found.others) == (4, 0)
     assert found.agreement > 0.95
     assert found.overlap > 0.95
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(-2000, 2000), st.integers(-2000, 2000), st.sampled_from([0.0, 0.05, 1.0]))
+def test_no_map_is_off_itself_by_rounding(col: int, row: int, margin: float) -> None:
+    """Wherever its grid begins; walls that were a cell off moved maps by up to 0.7 cells."""
+    grid = GridGeometry(9, 9, 0.05, Pose2D(0.05 * col, 0.05 * row))
+    layer = OccupancyLayer("occupancy", "map", grid, 100 * np.eye(9, dtype=np.int8))
+    scan = scan_of(Hypermap([layer]))
+    field = Field.of(scan, 0.05, margin)
+    assert field.at(scan.occupied_xy)[0] == pytest.approx(0, abs=1e-6)
+    assert field.near(scan.occupied_xy + np.array([0.05, 0]))[0] == pytest.approx(0.05, abs=1e-6)
 
 
 def test_a_part_is_found_in_the_whole_and_the_whole_around_the_part() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -111,12 +112,13 @@ class Field:
     def of(cls, scan: Scan, resolution: float, margin: float) -> Field:
         """Return the fields of a map, with some margin around what is known [m]."""
         known_xy = scan.known_xy
-        low = known_xy.min(axis=0) - margin
         extent = np.ptp(known_xy, axis=0) + 2 * margin
         cells = np.prod(extent / resolution)
         if cells > _MOST_CELLS:
             resolution *= float(np.sqrt(cells / _MOST_CELLS))
-        shape = np.ceil(extent / resolution).astype(int)[::-1] + 1
+        # The points are centers of cells: at corners, rounding would decide on which side they are.
+        low = known_xy.min(axis=0) - (math.ceil(margin / resolution) + 0.5) * resolution
+        shape = np.ceil(extent / resolution).astype(int)[::-1] + 3
         occupied = _raster(scan.occupied_xy, low, resolution, shape)
         known = occupied | _raster(scan.free_xy, low, resolution, shape)
         known = scipy.ndimage.binary_closing(
