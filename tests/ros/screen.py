@@ -77,9 +77,10 @@ class Seen:
     """A part of the floor as rviz shows it."""
 
     def __init__(self, pixels: Pixels, view: RvizView) -> None:
-        rows, cols = np.nonzero((pixels == BACKGROUND).all(axis=2))
-        self.is_drawn = len(rows) > 0
+        is_background = np.logical_and.reduce([pixels[:, :, i] == BACKGROUND[i] for i in range(3)])
+        self.is_drawn = bool(is_background.any())
         if self.is_drawn:
+            rows, cols = (np.flatnonzero(is_background.any(axis=axis)) for axis in (1, 0))
             self._middle = (cols.min() + cols.max() + 1) / 2, (rows.min() + rows.max() + 1) / 2
         self._pixels, self._view = pixels, view
 
@@ -96,10 +97,8 @@ class Seen:
         if not self.is_drawn:
             return 0.0
         is_right = np.abs(self.colors(points_xy) - expected).max(axis=1) <= _LIKE
-        return min(
-            float(is_right[(expected == color).all(axis=1)].mean())
-            for color in np.unique(expected, axis=0)
-        )
+        numbers = expected @ (1 << 16, 1 << 8, 1)
+        return min(float(is_right[numbers == number].mean()) for number in np.unique(numbers))
 
     def has_ink(self, x: float, y: float, height: float) -> bool:
         """Whether letters of that height stand around a point [m]."""
