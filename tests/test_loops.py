@@ -90,3 +90,10 @@ def test_a_loop_is_compiled_again_after_the_class_of_its_argument_is_renamed(pla
         source.write_text(code.replace("Old", name))
         assert ask(place, call=f"m.total(m.{name}(3))") == MISSES
     assert ask(place, call="m.total(m.New(3))") == HITS
+
+
+def test_a_loop_that_cannot_be_kept_is_compiled_and_runs(place: Path) -> None:
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64)); m.total(3)"
+    assert ask(place, call=full) == MISSES
+    assert ask(place) == MISSES
+    assert ask(place) == HITS

@@ -48,6 +48,7 @@ def loop(*, allocates: bool = False, **options: Any) -> Callable[[Function], Fun
     def decorated(function: Function) -> Function:
         dispatcher = decorate(function)
         _ignore_unreadable_index(dispatcher)
+        _go_on_if_full(dispatcher)
         folder = Path(dispatcher.stats.cache_path)
         _folders.add(folder)
         if not has_own_place():
@@ -89,6 +90,20 @@ def _ignore_unreadable_index(dispatcher: Any) -> None:
             return {}
 
     file._load_index = load_readable_index
+
+
+def _go_on_if_full(dispatcher: Any) -> None:
+    """Let a loop that cannot be kept, as on a full disk, be compiled again by the next process."""
+    save = dispatcher._cache.save_overload
+
+    def save_if_possible(*arguments: Any) -> None:
+        try:
+            save(*arguments)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            _log.debug("%s: cannot keep a loop: %s", dispatcher.stats.cache_path, reason)
+
+    dispatcher._cache.save_overload = save_if_possible
 
 
 def _borrow(function: Callable[..., Any], folder: Path) -> None:
