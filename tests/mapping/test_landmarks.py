@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 from shapely import affinity
 
 from hypermap.core.semantic import SemanticObject
+from hypermap.core.trajectory import trajectory_of
 from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.landmarks import landmark_moves
+from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
+from hypermap.mapping.stages import EvidenceConfig, KeyframeConfig
+from hypermap.perception.detections import Detections
+from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
 
 Array = NDArray[np.float64]
@@ -193,20 +199,48 @@ def test_published_shapes_agree_and_those_in_between_do_not_wait_for_it() -> Non
     assert [item.footprint for item in final] == [item.footprint for item in landmarks.objects()]
 
 
-def test_a_cup_that_two_tracks_show_is_published_once_where_frames_agree() -> None:
+def cup_seen_twice() -> tuple[EvidenceConfig, list[Observation]]:
+    """Return frames in which a cup becomes two tracks, and the settings for that."""
     errors = np.zeros((12, 3))
     errors[:6, 0], errors[6:, 0] = -0.05, 0.05
     config = dataclasses.replace(profile("default").evidence, align=0.0, class_sizes="any")
+    return config, observations(errors, cup_in=range(12))
+
+
+def test_a_cup_that_two_tracks_show_is_published_once_where_frames_agree() -> None:
+    config, frames = cup_seen_twice()
     landmarks = EvidenceMap(config)
     plain = EvidenceMap(dataclasses.replace(config, landmarks=False))
-    for observation in observations(errors, cup_in=range(12)):
+    for observation in frames:
         landmarks.update(observation)
         plain.update(observation)
-
-    def cups(objects: Iterable[SemanticObject]) -> int:
-        return [item.name for item in objects].count("thing 0")
-
     assert (cups(plain.objects()), cups(landmarks.objects())) == (2, 1)
     # In between, what the final layer has left out stays so.
     assert cups(landmarks.layer(is_final=False)) == 2
     assert cups(landmarks.layer()) == cups(landmarks.layer(is_final=False)) == 1
+
+
+def cups(objects: Iterable[SemanticObject]) -> int:
+    return [item.name for item in objects].count("thing 0")
+
+
+def test_what_the_final_layer_left_out_stays_so_after_corrected_poses_and_a_restart() -> None:
+    evidence, frames = cup_seen_twice()
+    keyframes = KeyframeConfig(min_distance=0)
+    config = dataclasses.replace(profile("default"), keyframes=keyframes, evidence=evidence)
+    mapper = Mapper(config, no_detections)
+    shown = iter(frames)
+
+    def perceive(_frame: RgbdFrame, _perceiver: Perceiver) -> Perceived:
+        return Perceived(Detections.of([], []), 0, next(shown), None)
+
+    mapper.perceive = perceive
+    camera = Camera.from_intrinsics(10.0, 10.0, 3.5, 2.5, width=8, height=6)
+    for one in frames:
+        depth = np.full((6, 8), 1 + one.stamp / 20, np.float32)
+        mapper.add(RgbdFrame(one.stamp, depth, camera, one.map_T_camera))
+    assert cups(mapper.evidence.layer(is_final=False)) == 2
+    restarted = Mapper.onto(mapper.hypermap(), no_detections)
+    assert cups(restarted.evidence.layer(is_final=False)) == 1
+    mapper.correct(trajectory_of(*mapper.logged_poses()))
+    assert cups(mapper.evidence.layer(is_final=False)) == 1

@@ -207,6 +207,7 @@ def map_again(
         for part in again.parts
     ]
     evidence.go_on_with(tracks, before.hand_edits())
+    evidence.left_out = before.left_out
     return MappedAgain(evidence, occupancy, again)
 
 

@@ -51,6 +51,7 @@ class EvidenceMap:
         shown: the objects of the last frame, each with the id of its track.
         is_free: returns the known free share of an area, 0..1, into which published shapes are not
             completed; None if nothing is known.
+        left_out: ids of the published tracks that the last final layer left out; see `layer`.
     """
 
     def __init__(self, config: EvidenceConfig, is_free: FreeShare | None = None) -> None:
@@ -58,6 +59,7 @@ class EvidenceMap:
         self.ignored = 0
         self.shown: list[tuple[ObservedObject, int]] = []
         self.is_free = is_free
+        self.left_out: set[int] = set()
         self._associate = ASSOCIATIONS[config.association]
         self._fuse = FUSIONS[config.fusion]
         self._observed: set[int] = set()  # ids of the tracks that this frame shows
@@ -65,7 +67,6 @@ class EvidenceMap:
         self._classes: dict[str, int] = {}
         self._tracks = TrackTable(config.max_existence)
         self._edited = False  # whether people have edited anything
-        self._left_out: set[int] = set()  # ids that the last final layer left out
 
     def __len__(self) -> int:
         """Return how many objects are published."""
@@ -176,9 +177,9 @@ class EvidenceMap:
         published = self._as_published()
         ids = {number for number, _, _ in published.summary()}
         if not is_final:
-            return published.layer(name, frame_id, ids - self._left_out)
+            return published.layer(name, frame_id, ids - self.left_out)
         layer = published.layer(name, frame_id)
-        self._left_out = ids.difference(layer.table.ids.tolist())
+        self.left_out = ids.difference(layer.table.ids.tolist())
         return layer
 
     def evidence(self, object_id: int) -> tuple[Evidence, ...]:

@@ -182,6 +182,8 @@ class Mapper:
         mapper = cls(own_config, source, occupancy, hypermap.base_frame, drive)
         mapper._has_objects = mapper._has_objects or layer_of_objects(hypermap) is not None
         mapper.evidence.go_on_with(state.tracks, edits_of(hypermap, state))
+        published = {item.id for item in state.published}
+        mapper.evidence.left_out = {n for n, _, _ in mapper.evidence.summary()} - published
         is_same_drive = bool(state.drives) and state.drives[-1].name == drive
         if state.keyframe is not None:
             if is_same_drive and state.keyframe.stamp is not None:
