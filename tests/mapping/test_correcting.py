@@ -190,6 +190,21 @@ def test_only_the_drive_that_the_poses_are_of_moves() -> None:
     assert np.mean(best_ious(objects(whole()), objects(mapper.hypermap()))) >= 0.95
 
 
+def test_of_drives_whose_clocks_began_again_the_newest_moves() -> None:
+    half = len(drive()) // 2
+    morning = mapper_of(drive()[:half], day="morning").hypermap()
+    mapper = Mapper.onto(morning, SOURCE, drive="afternoon")
+    earlier = drive()[half].stamp - drive()[0].stamp
+    for frame in drifted()[half:]:
+        mapper.add(dataclasses.replace(frame, stamp=frame.stamp - earlier))
+    stamps, _ = mapper.logged_poses()
+    assert len(stamps) == len(drive()) - half
+    poses = truth(drive()[half:])
+    correction = mapper.correct(dataclasses.replace(poses, stamps=poses.stamps - earlier))
+    assert (correction.frames, correction.kept) == (len(drive()) - half, half)
+    assert np.mean(best_ious(objects(whole()), objects(mapper.hypermap()))) >= 0.95
+
+
 def test_poses_that_lack_a_frame_of_the_drive_change_nothing() -> None:
     mapper = Mapper.onto(drifted_map(), SOURCE)
     before = objects(mapper.hypermap())

@@ -91,20 +91,23 @@ def test_a_clock_that_was_never_set_is_told_where_others_were(
     assert made.history.mapped.time is None
 
 
-def test_drives_whose_clocks_both_begin_at_0_are_told_unless_they_are_one(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_drives_whose_clocks_begin_again_are_hours_apart_unless_they_are_one() -> None:
     def drive(start: float, count: int) -> Frames:
         items = [dataclasses.replace(f, stamp=start + i) for i, f in enumerate(walk().items)]
         return Frames(items[:count])
 
-    with caplog.at_level(logging.WARNING):
-        first = map_recording(drive(0.0, 3), boxes, CONFIG)
-        map_recording(drive(0.0, 6), boxes, CONFIG, onto=first)  # the rest of the same drive
-        map_recording(drive(100.0, 6), boxes, CONFIG, onto=first)
-        assert "the map takes both for one" not in caplog.text
-        map_recording(drive(0.5, 6), boxes, CONFIG, onto=first)
-    assert "(0 s to 6 s) are also those of the earlier drive 'walk'" in caplog.text
+    def last_seen(recording: Frames, onto: Hypermap) -> float:
+        made = map_recording(recording, boxes, CONFIG, onto=onto)
+        return max(one.last_seen for one in made.semantic().objects() if one.last_seen is not None)
+
+    first = map_recording(drive(0.0, 3), boxes, CONFIG)
+    assert last_seen(drive(0.0, 6), first) == 5  # the rest of the same drive
+    assert last_seen(drive(100.0, 6), first) == 105  # the clock goes on
+    assert last_seen(drive(0.5, 6), first) == 2 + 7200 + 5
+    again = map_recording(drive(0.5, 6), boxes, CONFIG, onto=first)
+    assert last_seen(drive(0.5, 6), again) == 2 + 7200 + 5  # nothing new
+    assert last_seen(drive(0.25, 6), again) == 2 + 2 * (7200 + 5)
+    assert last_seen(drive(1.7e9, 6), again) == 1.7e9 + 5  # a clock that is right
 
 
 def test_a_drive_from_before_others_is_told(caplog: pytest.LogCaptureFixture) -> None:

@@ -38,7 +38,7 @@ def frames() -> list[RgbdFrame]:
     recording = SimulatedRecording.with_errors(
         demo_world(), errors_of_level("none"), camera=SMALL, rate=0.4, has_occupancy=False
     )
-    return list(recording.frames())
+    return [dataclasses.replace(frame, stamp=1.7e9 + frame.stamp) for frame in recording.frames()]
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.trajectory import Trajectory, invert, trajectory_of
 from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.config import MappingConfig
-from hypermap.mapping.drives import Drive
+from hypermap.mapping.drives import Drive, rows_of_drives
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import FoundEvidence, evidence_from_frames
 from hypermap.mapping.floor_motions import FloorMotions
@@ -65,9 +65,12 @@ class Correction:
         The arguments are those of `corrected_poses` and its results.
         """
         stamps, before = log.stamps, log.poses
+        drive_of = np.full(len(stamps), -1)
+        for number, rows in enumerate(rows_of_drives(len(stamps), drives)):
+            drive_of[rows] = number
         moves = np.linalg.norm((after - before)[is_moved, :2, 3], axis=1)
         count = int(is_moved.sum())
-        motions = partial(FloorMotions.between, stamps, before, after, drives, is_under_way)
+        motions = partial(FloorMotions.between, stamps, before, after, drive_of, is_under_way)
         return cls(count, len(is_moved) - count, float(moves.mean()), float(moves.max()), motions)
 
     def sentence(self) -> str:
@@ -93,11 +96,12 @@ def corrected_poses(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the poses of all logged frames, and which of them are from the trajectory.
 
-    The frames of a drive are corrected together, or none of them.
+    The frames of a drive are corrected together, or none of them. Of drives with the same stamps,
+    as from simulators, the newest is corrected.
 
     Args:
         log: the frames.
-        drives: the drives that the frames belong to, by their stamps.
+        drives: the drives that the frames belong to, oldest first.
         trajectory: of the camera's optical frame in the map.
         is_under_way: whether the last drive continues: its frames before and after the trajectory
             get the nearest correction.
@@ -111,15 +115,16 @@ def corrected_poses(
     stamps, poses = log.stamps, log.poses
     begin, end = float(trajectory.stamps[0]), float(trajectory.stamps[-1])
     is_covered = trajectory.covers(stamps)
+    is_covered &= can_be_corrected(log, drives)
+    rows_of = rows_of_drives(len(stamps), drives)
     if is_under_way and is_covered.any():
-        is_covered |= (stamps >= drives[-1].first) & (stamps <= drives[-1].last)
-    for drive in drives:
-        of_drive = (stamps >= drive.first) & (stamps <= drive.last)
-        missing = of_drive & ~is_covered
-        if missing.any() and (of_drive & is_covered).any():
+        is_covered[rows_of[-1]] = True
+    for drive, rows in zip(drives, rows_of, strict=True):
+        missing = stamps[rows][~is_covered[rows]]
+        if len(missing) and is_covered[rows].any():
             raise CannotCorrect(
-                f"no pose for {missing.sum()} of the {of_drive.sum()} frames of the drive "
-                f"{drive.name!r}, the first at {stamps[missing][0]:.6f} s: the poses reach from "
+                f"no pose for {len(missing)} of the {len(stamps[rows])} frames of the drive "
+                f"{drive.name!r}, the first at {missing[0]:.6f} s: the poses reach from "
                 f"{begin:.6f} to {end:.6f} s, and gaps up to {trajectory.max_gap:g} s are bridged"
             )
     if not is_covered.any():
@@ -132,6 +137,18 @@ def corrected_poses(
     if not (np.abs(poses[:, :3, 3]) <= FARTHEST_POSE).all():
         raise CannotCorrect(f"a pose is farther away than {FARTHEST_POSE:g} m")
     return poses, is_covered
+
+
+def can_be_corrected(log: FrameLog, drives: Sequence[Drive]) -> NDArray[np.bool_]:
+    """Return which logged frames a trajectory can move, shape (N,).
+
+    Its stamps do not tell drives apart whose clocks began again: of these, it is of the newest.
+    """
+    found = np.ones(len(log.frames), dtype=bool)
+    for number, rows in enumerate(rows_of_drives(len(found), drives)):
+        drive, later = drives[number], drives[number + 1 :]
+        found[rows] = not any(drive.overlaps(o) and drive.offset != o.offset for o in later)
+    return found
 
 
 def _moved_along(
@@ -185,7 +202,7 @@ def map_again(
         occupancy.go_on_with(first.first_cell, first.log_odds.copy())
     again = FrameLog(log.parts[:stay])
     again.end_drive()
-    contents = log.frames[begin:]
+    contents, stamps = log.frames[begin:], log.stamps.tolist()
     moved = _moved_frames(contents, poses[begin:], config)
     for number, (content, (frame, found)) in enumerate(zip(contents, moved, strict=True)):
         if again.is_full:
@@ -194,7 +211,7 @@ def map_again(
         if frame.finds_objects:
             evidence.update(frame.observation, found)
         change()
-        again.add(frame.observation.stamp, content, poses[begin + number])
+        again.add(stamps[begin + number], content, poses[begin + number])
         if on_progress is not None:
             on_progress(number + 1, len(poses) - begin)
     fixed = frozenset(track.id for track in first.tracks.objects)

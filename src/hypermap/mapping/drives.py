@@ -7,14 +7,17 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.history import EARLIEST, latest_time
+from hypermap.mapping.evidence_buffer import STALE
 from hypermap.perception.frame import RgbdFrame
 
+_BETWEEN = 2 * STALE  # seconds between two drives whose clocks began again
 _EVERY = 8  # every so many rows and columns of a depth image identify it
 
 
@@ -32,17 +35,22 @@ def frame_key(frame: RgbdFrame) -> int:
 class Drive:
     """The mapped frames of one recording.
 
+    Clocks of simulators and of recordings without a date begin at 0 with each drive. The map's own
+    time is the recording's plus `offset`, so that drives with the same stamps are not one.
+
     Attributes:
         name: of the recording.
         first: the oldest stamp of a mapped frame [s]; infinite if there is none.
         last: the newest one [s].
         keys: of its mapped frames, see `frame_key`.
+        offset: from the recording's stamps to the map's time [s].
     """
 
     name: str
     first: float = np.inf
     last: float = -np.inf
     keys: list[int] = field(default_factory=list)
+    offset: float = 0.0
 
     def add(self, frame: RgbdFrame) -> None:
         """Add a mapped frame."""
@@ -90,6 +98,20 @@ class EarlierDrives:
                 return drive
         return None
 
+    def offset_of(self, stamp: float) -> float:
+        """Return the offset of a new drive, from its stamps to the map's time [s].
+
+        Its clock began again if the map has a later time already; then the drive comes hours later.
+        A clock that counts from 1970 is right, whatever the order of the drives.
+
+        Args:
+            stamp: of the drive's first frame that the map does not contain [s].
+        """
+        if stamp > EARLIEST or not self.drives or not all(d.has_no_clock for d in self.drives):
+            return 0.0
+        end, newest = max((drive.last + drive.offset, drive.offset) for drive in self.drives)
+        return newest if stamp + newest > end else end + _BETWEEN - stamp
+
 
 def wall_clock(stamp: float) -> str:
     """Return a stamp as date and time in UTC, in ISO 8601 format.
@@ -110,11 +132,27 @@ def map_id(drives: Sequence[Drive], config: Mapping[str, Any]) -> str:
     return hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
 
 
+def rows_of_drives(count: int, drives: Sequence[Drive]) -> list[slice]:
+    """Return the rows of each drive's frames among the newest frames of all drives.
+
+    Stamps do not tell drives apart: those of many recordings begin at 0.
+
+    Args:
+        count: of the newest frames.
+        drives: all drives, oldest first.
+    """
+    ends = count - np.cumsum([0, *(len(drive.keys) for drive in reversed(drives))])
+    ends = np.maximum(ends, 0).tolist()
+    return [slice(begin, end) for end, begin in pairwise(ends)][::-1]
+
+
 def packed(drives: list[Drive]) -> tuple[list[dict[str, Any]], NDArray[np.uint32]]:
     """Return drives as values for JSON, and their keys in one array, shape (N,)."""
     known = [drive for drive in drives if drive.keys]
     facts = [
-        {"name": d.name, "first": d.first, "last": d.last, "frames": len(d.keys)} for d in known
+        {"name": d.name, "first": d.first, "last": d.last, "frames": len(d.keys)}
+        | ({"offset": d.offset} if d.offset else {})
+        for d in known
     ]
     return facts, np.array([key for drive in known for key in drive.keys], np.uint32)
 
@@ -126,6 +164,12 @@ def unpacked(facts: list[dict[str, Any]], keys: NDArray[np.uint32]) -> tuple[Dri
         raise ValueError("the keys of the frames do not match the drives")
     ends = np.cumsum([0, *counts])
     return tuple(
-        Drive(str(one["name"]), float(one["first"]), float(one["last"]), keys[a:b].tolist())
+        Drive(
+            str(one["name"]),
+            float(one["first"]),
+            float(one["last"]),
+            keys[a:b].tolist(),
+            float(one.get("offset", 0)),
+        )
         for one, a, b in zip(facts, ends[:-1], ends[1:], strict=True)
     )

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.samples import Samples
-from hypermap.mapping.drives import Drive
 from hypermap.mapping.frame_log import floor_motion
 
 _AROUND = 60.0  # seconds before the first and after the last frame that belong to a drive
@@ -37,7 +35,7 @@ class FloorMotions:
         stamps: NDArray[np.float64],
         before: NDArray[np.float64],
         after: NDArray[np.float64],
-        drives: Sequence[Drive],
+        drive_of: NDArray[np.int64],
         is_under_way: bool = False,
     ) -> FloorMotions:
         """Return the motions of a correction of poses.
@@ -46,15 +44,14 @@ class FloorMotions:
             stamps: of the frames, at least one, shape (N,).
             before: map_T_camera of each, shape (N, 4, 4).
             after: likewise.
-            drives: of the frames.
+            drive_of: the number of each frame's drive, shape (N,). Of frames with one stamp, the
+                last one counts.
             is_under_way: see the class.
         """
-        known, rows = np.unique(stamps, return_index=True)
+        known, rows = np.unique(stamps[::-1], return_index=True)
+        rows = len(stamps) - 1 - rows
         motions = [floor_motion(before[row], after[row])[0].matrix()[:2] for row in rows]
-        drive_of = np.full(len(known), -1)
-        for number, drive in enumerate(drives):
-            drive_of[(known >= drive.first) & (known <= drive.last)] = number
-        return cls(known, np.array(motions), drive_of, is_under_way)
+        return cls(known, np.array(motions), drive_of[rows], is_under_way)
 
     def moved(self, samples: Samples) -> Samples:
         """Return samples moved to where they were really taken.
@@ -100,6 +97,7 @@ class PoseChanges:
         """Return samples of the drive, moved as the frames of their time were."""
         if not self._stamps:
             return samples
-        drive = Drive("", min(self._stamps), max(self._stamps))
         stamps, before, after = map(np.array, (self._stamps, self._before, self._after))
-        return FloorMotions.between(stamps, before, after, [drive]).moved(samples)
+        return FloorMotions.between(stamps, before, after, np.zeros(len(stamps), np.int64)).moved(
+            samples
+        )

@@ -21,7 +21,7 @@ from hypermap.core.trajectory import Trajectory
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig
-from hypermap.mapping.correcting import Correction, corrected_poses, map_again
+from hypermap.mapping.correcting import Correction, can_be_corrected, corrected_poses, map_again
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.drives import Drive, EarlierDrives, wall_clock
 from hypermap.mapping.evidence import EvidenceMap
@@ -237,6 +237,7 @@ class Mapper:
             raise BadFrame(str(error)) from error
         if aligned is not frame:
             perceived = perceived.corrected_from(frame.map_T_camera)
+        perceived = perceived.at(frame.stamp + self._offset(frame))
         self._count_surplus(frame, perceived)
         if self._frame_log.is_full:
             self._frame_log.begin_part(self._map_before())
@@ -259,7 +260,8 @@ class Mapper:
         """Return whether to map a frame: a usable new keyframe; count the others."""
         if (reason := why_unusable(frame)) is not None:
             self.leave_out(frame.stamp, reason)
-        elif self._earlier.with_frame(frame) is not None:
+        elif (drive := self._earlier.with_frame(frame)) is not None:
+            self._drive.offset = drive.offset
             self.keyframes.repeat(frame.map_T_camera, frame.stamp)
             self._count(repeated=1)
         elif not self.keyframes.accept(frame.map_T_camera, frame.stamp):
@@ -267,6 +269,12 @@ class Mapper:
         else:
             return True
         return False
+
+    def _offset(self, frame: RgbdFrame) -> float:
+        """Return the offset from the stamps of this drive to the map's time [s]."""
+        if not self._drive.keys and not self.counts.repeated:
+            self._drive.offset = self._earlier.offset_of(frame.stamp)
+        return self._drive.offset
 
     def _fuse(self, stamp: float, perceived: Perceived) -> bool:
         """Add what a frame shows to both layers, or to none; return whether it was possible."""
@@ -358,7 +366,8 @@ class Mapper:
         Returns:
             Shapes (N,) and (N, 4, 4).
         """
-        return self._frame_log.stamps, self._frame_log.poses
+        rows = can_be_corrected(self._frame_log, self._drives())
+        return self._frame_log.stamps[rows], self._frame_log.poses[rows]
 
     @property
     def corrects_poses(self) -> bool:
@@ -468,18 +477,6 @@ class Mapper:
                 self._drive.name,
                 self._drive.last,
             )
-        if self._drive.has_no_clock and not self.counts.repeated:
-            for drive in filter(self._drive.overlaps, self._earlier.drives):
-                _log.warning(
-                    "the stamps of %r (%.0f s to %.0f s) are also those of the earlier drive %r, "
-                    "so the map takes both for one: what has moved or is gone since then may stay "
-                    "where it was; record with a clock that counts from 1970",
-                    self._drive.name,
-                    self._drive.first,
-                    self._drive.last,
-                    drive.name,
-                )
-                break
 
     def _tell_wrong_order(self) -> None:
         later = [d for d in self._earlier.drives if d.time and d.first > self._drive.last]

@@ -56,6 +56,12 @@ class Perceived(FrameDetections):
         correction = x, y, floor_motion(recorded, now)[0].yaw
         return replace(self, observation=replace(self.observation, correction=correction))
 
+    def at(self, time: float) -> Perceived:
+        """Return it as of a time of the map [s]."""
+        if time == self.observation.stamp:
+            return self
+        return replace(self, observation=replace(self.observation, stamp=time))
+
 
 @dataclass(frozen=True)
 class Perceiver:

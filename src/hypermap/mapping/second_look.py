@@ -19,7 +19,7 @@ from hypermap.core.errors import FormatError
 from hypermap.core.history import ADDED, Change
 from hypermap.core.objects import SemanticObject
 from hypermap.mapping.config import MappingConfig
-from hypermap.mapping.drives import Drive
+from hypermap.mapping.drives import Drive, rows_of_drives
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, unpacked_frames
 from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.occlusion import sample_points, visible_shares
@@ -53,25 +53,12 @@ class SecondLook:
         place, and one that is gone may still be there in the present drive. Before a drive could
         see the place, both are as likely; without one, the answer is 0.
         """
-        present, *earlier = self._rows_of_drives()
+        present, *earlier = rows_of_drives(len(self.log.frames), self.drives)[::-1]
         for rows in earlier if change.kind == ADDED else (present,):
             shown, detected = self._looks(change.object, rows)
             if shown:
                 return _chance(shown, detected)
         return 0.0
-
-    def _rows_of_drives(self) -> list[slice]:
-        """Return the rows of each drive's frames in the log, the newest drive first.
-
-        The log holds the newest frames of all drives. Stamps do not tell drives apart: those of
-        many recordings begin at 0.
-        """
-        end, found = len(self.log.frames), []
-        for drive in reversed(self.drives):
-            begin = max(0, end - len(drive.keys))
-            found.append(slice(begin, end))
-            end = begin
-        return found
 
     def _looks(self, item: SemanticObject, rows: slice) -> tuple[int, int]:
         """Return how many frames of a drive could see an object, and how many of them detect it."""
