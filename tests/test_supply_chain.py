@@ -142,6 +142,7 @@ def test_a_package_that_comes_in_needs_a_license_that_is_allowed(
     assert bool(done.stdout) == (said is not None)
 
 
+@pytest.mark.xdist_group("json_schema")  # they share what takes long to import
 def test_the_bill_of_materials_lists_what_is_locked(tmp_path: Path, script: Any) -> None:
     from cyclonedx.schema import SchemaVersion
     from cyclonedx.validation.json import JsonStrictValidator  # takes seconds to import

@@ -15,20 +15,23 @@ import subprocess
 import sys
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import anyio
 import httpx2
 import pytest
-from mcp import Client, StdioServerParameters
-from mcp.client.streamable_http import streamable_http_client
 from PIL import Image
 
 from hypermap import open_map
 from hypermap.viewer.live.connections import MOST_CONNECTIONS
 
 from ..prepared import Command, run
+
+if TYPE_CHECKING:  # it takes half a second to import
+    from mcp import Client
+
+pytestmark = pytest.mark.xdist_group("mcp")
 
 HYPERMAP = [sys.executable, "-m", "hypermap", "mcp"]
 TOKEN = "a token of a test"
@@ -37,6 +40,8 @@ LIMIT = 240  # [s] for a whole conversation
 
 def talk(office: Path, *options: str, to: Callable[[Client], Awaitable[None]]) -> None:
     """Start the program as clients do, and let one talk to it."""
+    from mcp import Client, StdioServerParameters
+
     command, *words = HYPERMAP
     server = StdioServerParameters(command=command, args=[*words, str(office), *options])
 
@@ -90,68 +95,59 @@ def test_connections_that_ask_for_nothing_keep_no_agent_out(office: Path) -> Non
         assert httpx2.get(url, timeout=LIMIT).status_code == 401
 
 
-def test_tools_answer_over_standard_input_and_output(office: Path) -> None:
-    async def conversation(client: Client) -> None:
-        tools = (await client.list_tools()).tools
-        assert {tool.name for tool in tools} == {
-            "find_objects",
-            "find_like",
-            "nearest",
-            "what_is_at",
-            "list_rooms",
-            "describe_room",
-            "path_to",
-            "changes",
-            "ask",
-            "render_view",
-            "show_object",
-            "find_notes",
-        }
-        assert all(tool.annotations and tool.annotations.read_only_hint for tool in tools)
-        found = await asked(client, "find_objects", names=["sofa"])
-        assert [item["id"] for item in found["objects"]] == [6]
-        picture: Any = await client.call_tool("render_view", {})
-        assert base64.b64decode(picture.content[1].data).startswith(b"\x89PNG")
-        printer: Any = await client.call_tool("show_object", {"id": 5, "number": 2})
-        assert printer.content[0].text == "printer 5 of layer semantic, picture 2 of 2"
-        assert printer.content[1].mime_type == "image/jpeg"
-        with Image.open(io.BytesIO(base64.b64decode(printer.content[1].data))) as image:
-            red, green, _ = image.getpixel((5, 5))
-        assert green > 100 > red
-        oven = {"id": 1, "layer": "semantic"}
-        assert "the map has 0 pictures of oven 1" in await refused(client, "show_object", **oven)
-        assert "no object 99" in await refused(client, "show_object", id=99)
-
-    talk(office, to=conversation)
+async def tools_answer(client: Client) -> None:
+    tools = (await client.list_tools()).tools
+    assert {tool.name for tool in tools} == {
+        "find_objects",
+        "find_like",
+        "nearest",
+        "what_is_at",
+        "list_rooms",
+        "describe_room",
+        "path_to",
+        "changes",
+        "ask",
+        "render_view",
+        "show_object",
+        "find_notes",
+    }
+    assert all(tool.annotations and tool.annotations.read_only_hint for tool in tools)
+    found = await asked(client, "find_objects", names=["sofa"])
+    assert [item["id"] for item in found["objects"]] == [6]
+    picture: Any = await client.call_tool("render_view", {})
+    assert base64.b64decode(picture.content[1].data).startswith(b"\x89PNG")
+    printer: Any = await client.call_tool("show_object", {"id": 5, "number": 2})
+    assert printer.content[0].text == "printer 5 of layer semantic, picture 2 of 2"
+    assert printer.content[1].mime_type == "image/jpeg"
+    with Image.open(io.BytesIO(base64.b64decode(printer.content[1].data))) as image:
+        red, green, _ = image.getpixel((5, 5))
+    assert green > 100 > red
+    oven = {"id": 1, "layer": "semantic"}
+    assert "the map has 0 pictures of oven 1" in await refused(client, "show_object", **oven)
+    assert "no object 99" in await refused(client, "show_object", id=99)
 
 
-def test_the_map_says_what_it_is_in_resources(office: Path) -> None:
-    async def conversation(client: Client) -> None:
-        listed = (await client.list_resources()).resources
-        read: dict[str, Any] = {}
-        for resource in listed:
-            (content,) = (await client.read_resource(resource.uri)).contents
-            read[str(resource.uri)] = json.loads(content.text)  # type: ignore[union-attr]
-        assert read["hypermap://summary"]["rooms"] == ["kitchen", "print room"]
-        assert {"name": "cup", "count": 2} in read["hypermap://classes"]["classes"]
-        assert len(read["hypermap://rooms"]["doors"]) == 1
-        assert read["hypermap://query-schema"]["title"] == "A question about a hypermap"
-        with pytest.raises(Exception, match="no resource"):
-            await client.read_resource("hypermap://secrets")
-
-    talk(office, to=conversation)
+async def the_map_says_what_it_is(client: Client) -> None:
+    listed = (await client.list_resources()).resources
+    read: dict[str, Any] = {}
+    for resource in listed:
+        (content,) = (await client.read_resource(resource.uri)).contents
+        read[str(resource.uri)] = json.loads(content.text)  # type: ignore[union-attr]
+    assert read["hypermap://summary"]["rooms"] == ["kitchen", "print room"]
+    assert {"name": "cup", "count": 2} in read["hypermap://classes"]["classes"]
+    assert len(read["hypermap://rooms"]["doors"]) == 1
+    assert read["hypermap://query-schema"]["title"] == "A question about a hypermap"
+    with pytest.raises(Exception, match="no resource"):
+        await client.read_resource("hypermap://secrets")
 
 
-def test_wrong_calls_are_reported_and_the_server_goes_on(office: Path) -> None:
-    async def conversation(client: Client) -> None:
-        assert "find_objects" in await refused(client, "find_object")
-        assert "limit: " in await refused(client, "find_objects", limit=10**6)
-        assert "names: " in await refused(client, "find_objects", names={"a": [1]})
-        assert "start: " in await refused(client, "nearest", name="cup")
-        assert "no tool" in await refused(client, "mark_gone", id=3)  # without --allow-edits
-        assert (await asked(client, "find_objects"))["count"] == 9
-
-    talk(office, to=conversation)
+async def wrong_calls_are_reported(client: Client) -> None:
+    assert "find_objects" in await refused(client, "find_object")
+    assert "limit: " in await refused(client, "find_objects", limit=10**6)
+    assert "names: " in await refused(client, "find_objects", names={"a": [1]})
+    assert "start: " in await refused(client, "nearest", name="cup")
+    assert "no tool" in await refused(client, "mark_gone", id=3)  # without --allow-edits
+    assert (await asked(client, "find_objects"))["count"] == 9
 
 
 def test_edits_reach_the_file(office: Path) -> None:
@@ -166,45 +162,55 @@ def test_edits_reach_the_file(office: Path) -> None:
     assert [item.object.name for item in saved.objects(layer="zones")] == ["spill"]
 
 
-def test_an_agent_solves_ten_tasks_with_the_tools_alone(office: Path) -> None:
-    async def conversation(client: Client) -> None:
-        async def objects(tool: str, /, **arguments: Any) -> list[Any]:
-            rows: list[Any] = (await asked(client, tool, **arguments))["objects"]
-            return rows
+async def ten_tasks_are_solved(client: Client) -> None:
+    async def objects(tool: str, /, **arguments: Any) -> list[Any]:
+        rows: list[Any] = (await asked(client, tool, **arguments))["objects"]
+        return rows
 
-        # 1. A place to sit within 3 m of the printer, the surest one.
-        seats = await objects(
-            "find_objects", names=["seating"], near_name="printer", within=3, which="surest"
-        )
-        assert {seat["id"] for seat in seats} == {6, 7}
-        # 2. The room of the printer, and 3. what else is in it.
-        (printer,) = await objects("find_objects", names=["printer"])
-        room = await asked(client, "describe_room", room=printer["room"])
-        assert {one["name"] for one in room["objects"]} == {"printer", "couch", "chair", "cup"}
-        # 4. A cup for someone at the oven, on foot.
-        (oven,) = await objects("find_objects", names=["oven"])
-        (cup,) = await objects("nearest", name="cup", start=[oven["x"], 2.9], by="path")
-        assert cup["id"] == 3
-        # 5. What it stands on.
-        stack = await objects("what_is_at", point=[cup["x"], cup["y"]])
-        assert [item["name"] for item in stack] == ["cup", "dining table"]
-        # 6. The way from there to the printer, and 7. the door that it leads through.
-        path = await asked(client, "path_to", goal="printer", start=[2.2, 2.2])
-        ((_, door_y),) = path["doors"]
-        assert path["length"] > 4
-        assert 1.0 <= door_y <= 1.9
-        # 8. Where to cook: the room with an oven.
-        cooking = await asked(client, "ask", question="which rooms have an oven?")
-        assert [one["name"] for one in cooking["rooms"]] == ["kitchen"]
-        # 9. What is new today, and 10. what has not been seen since.
-        news = await asked(client, "changes", since="2026-11-23")
-        assert [item["name"] for item in news["added"]] == ["cup"]
-        assert [item["name"] for item in news["not_seen"]] == ["couch"]
+    # 1. A place to sit within 3 m of the printer, the surest one.
+    seats = await objects(
+        "find_objects", names=["seating"], near_name="printer", within=3, which="surest"
+    )
+    assert {seat["id"] for seat in seats} == {6, 7}
+    # 2. The room of the printer, and 3. what else is in it.
+    (printer,) = await objects("find_objects", names=["printer"])
+    room = await asked(client, "describe_room", room=printer["room"])
+    assert {one["name"] for one in room["objects"]} == {"printer", "couch", "chair", "cup"}
+    # 4. A cup for someone at the oven, on foot.
+    (oven,) = await objects("find_objects", names=["oven"])
+    (cup,) = await objects("nearest", name="cup", start=[oven["x"], 2.9], by="path")
+    assert cup["id"] == 3
+    # 5. What it stands on.
+    stack = await objects("what_is_at", point=[cup["x"], cup["y"]])
+    assert [item["name"] for item in stack] == ["cup", "dining table"]
+    # 6. The way from there to the printer, and 7. the door that it leads through.
+    path = await asked(client, "path_to", goal="printer", start=[2.2, 2.2])
+    ((_, door_y),) = path["doors"]
+    assert path["length"] > 4
+    assert 1.0 <= door_y <= 1.9
+    # 8. Where to cook: the room with an oven.
+    cooking = await asked(client, "ask", question="which rooms have an oven?")
+    assert [one["name"] for one in cooking["rooms"]] == ["kitchen"]
+    # 9. What is new today, and 10. what has not been seen since.
+    news = await asked(client, "changes", since="2026-11-23")
+    assert [item["name"] for item in news["added"]] == ["cup"]
+    assert [item["name"] for item in news["not_seen"]] == ["couch"]
+
+
+def test_an_agent_is_answered_over_standard_input_and_output(office: Path) -> None:
+    async def conversation(client: Client) -> None:  # one, as a server starts in a second
+        await tools_answer(client)
+        await the_map_says_what_it_is(client)
+        await wrong_calls_are_reported(client)
+        await ten_tasks_are_solved(client)
 
     talk(office, to=conversation)
 
 
 def test_over_http_only_those_who_know_the_token_are_answered(office: Path) -> None:
+    from mcp import Client
+    from mcp.client.streamable_http import streamable_http_client
+
     async def conversation(url: str) -> None:
         headers = {"Authorization": f"Bearer {TOKEN}"}
         with anyio.fail_after(LIMIT):
