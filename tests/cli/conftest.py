@@ -9,7 +9,6 @@ import logging
 import math
 import os
 import pty
-import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +27,8 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map, save_map
+
+from ..prepared import Command
 
 
 @dataclass(frozen=True)
@@ -67,10 +68,10 @@ def hypermap(
     set_verbosity(0)
 
 
-def answered(command: Sequence[object], answer: str) -> tuple[int, bytes]:
+def answered(words: Sequence[object], answer: str) -> tuple[int | None, bytes]:
     """Run a command at a terminal, type an answer, and return the exit code and what was shown."""
     ours, theirs = pty.openpty()
-    with subprocess.Popen(list(map(str, command)), stdin=theirs, stderr=theirs) as process:
+    with Command(*words, stdin=theirs, stderr=theirs) as process:
         os.close(theirs)
         os.write(ours, answer.encode())
         said = b""

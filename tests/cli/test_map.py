@@ -19,6 +19,7 @@ from hypermap.recordings import RecordingOptions
 from hypermap.testing import square
 from hypermap.viewer.live.document import MapDocument
 
+from ..prepared import Command
 from .conftest import INTRINSICS, answered, assert_one_error, objects_in, write_drive
 
 
@@ -141,8 +142,8 @@ def test_a_map_is_saved_though_nobody_reads_the_notes(drive, tmp_path, reader):
 def test_at_a_terminal_it_is_asked(drive, tmp_path, answer, code, name):
     out = tmp_path / "out.hmap"
     drawn(out)
-    command = [sys.executable, "-m", "hypermap", "map", drive, "--intrinsics", INTRINSICS]
-    ended, said = answered([*command, "-o", out], answer)
+    command = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    ended, said = answered(command, answer)
     assert ended == code, said
     assert b"it was not made by mapping. Replace it? It stays as out.hmap.bak." in said
     assert (tmp_path / "out.hmap.bak").exists() == (code == 0)
@@ -224,33 +225,32 @@ def test_there_is_an_option_for_every_field_of_the_recording_options():
     assert set(OPTIONS) == fields | {"level"}  # which is always measured
 
 
-def as_from_a_terminal() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def from_a_terminal(*words: object) -> Command:
+    return Command(*words, stderr=subprocess.PIPE)
 
 
-def as_a_job_of_a_script() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def as_a_job_of_a_script(*words: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "hypermap", *map(str, words)],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )
 
 
 @pytest.mark.parametrize(
-    ("before", "numbers", "name"),
+    ("started", "numbers", "name"),
     [
-        (as_from_a_terminal, [signal.SIGINT], "Ctrl-C"),
+        (from_a_terminal, [signal.SIGINT], "Ctrl-C"),
         # `timeout` sends it to its child and to the child's group.
-        (as_from_a_terminal, [signal.SIGTERM, signal.SIGTERM], "SIGTERM"),
+        (from_a_terminal, [signal.SIGTERM, signal.SIGTERM], "SIGTERM"),
         (as_a_job_of_a_script, [signal.SIGINT, signal.SIGTERM], "SIGTERM"),
-        (as_from_a_terminal, [signal.SIGHUP], "SIGHUP"),
+        (from_a_terminal, [signal.SIGHUP], "SIGHUP"),
     ],
 )
-def test_who_ends_it_early_gets_what_there_is(tmp_path, before, numbers, name):
+def test_who_ends_it_early_gets_what_there_is(tmp_path, started, numbers, name):
     drive, out = write_drive(tmp_path / "drive", frames=3000), tmp_path / "out.hmap"
-    command = [sys.executable, "-m", "hypermap", "map", drive, "-o", out]
-    with subprocess.Popen(
-        [*command, "--intrinsics", INTRINSICS],
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=before,
-    ) as process:
+    with started("map", drive, "-o", out, "--intrinsics", INTRINSICS) as process:
         assert process.stderr is not None
         said = ""
         while "mapping: 1 of 3000 frames" not in said:

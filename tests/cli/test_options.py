@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import sys
-
 import pytest
 
 from hypermap.cli.options import check_output
@@ -62,8 +60,8 @@ def test_whether_to_replace_a_write_protected_file_is_asked(hypermap, tmp_path, 
     for path in (source, target):
         save_map(Hypermap([SemanticLayer("zones", "map", [square(path.stem, 0, 0)])]), path)
     target.chmod(0o444)
-    command = [sys.executable, "-m", "hypermap", "convert", source, target, "--force"]
-    refused = hypermap(*command[3:])
+    command = ["convert", source, target, "--force"]
+    refused = hypermap(*command)
     assert refused.code == 2
     assert f"{target} exists already, and is write-protected; make it writable" in refused.err
     ended, said = answered(command, answer)

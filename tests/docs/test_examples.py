@@ -8,7 +8,6 @@ cannot run in a test (a robot, a download) stands in a plain `text` block.
 
 from __future__ import annotations
 
-import contextlib
 import doctest
 import io
 import os
@@ -32,6 +31,7 @@ PAGES = [
 ]
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 QUOTED = re.compile(r"""'[^']*'|"[^"$`\\!]*\"""")  # text in which the shell replaces nothing
+TYPED = re.compile(r"echo '([^']*)' \| ")  # what is piped into a command
 DOCTEST_FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 pytestmark = pytest.mark.xdist_group("demo")
@@ -63,8 +63,9 @@ def _run_console(source: str, where: str) -> None:
     assert commands, f"{where}: a console block shows its commands after '$ '"
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for command in commands:
-        if words := _plain_command(command):
-            _run_hypermap(words, f"{where}: {command}")
+        typed = TYPED.match(command)
+        if words := _plain_command(command[typed.end() :] if typed else command):
+            _run_hypermap(words, typed[1] + "\n" if typed else "", f"{where}: {command}")
             continue
         done = subprocess.run(
             ["bash", "-c", command],
@@ -85,15 +86,14 @@ def _plain_command(command: str) -> list[str]:
     return shlex.split(line, comments=True) if is_plain else []
 
 
-def _run_hypermap(words: list[str], where: str) -> None:
+def _run_hypermap(words: list[str], typed: str, where: str) -> None:
     """Run a command in this process, as starting another takes longer than most commands."""
     said = io.StringIO()
-    with (
-        contextlib.redirect_stdout(said),
-        contextlib.redirect_stderr(said),
-        pytest.raises(SystemExit) as ended,
-    ):
-        main(words[1:])
+    with pytest.MonkeyPatch.context() as patch:
+        for name, stream in (("stdin", io.StringIO(typed)), ("stdout", said), ("stderr", said)):
+            patch.setattr(sys, name, stream)
+        with pytest.raises(SystemExit) as ended:
+            main(words[1:])
     assert not ended.value.code, f"{where}\n{said.getvalue()}"
 
 
