@@ -30,9 +30,9 @@ TUESDAY = Pose2D(2.0, 1.0, np.pi / 2)
 @pytest.fixture
 def days(tmp_path: Path) -> tuple[Path, Path]:
     """Return two maps of a room in frames of their own; on the second day a chair has moved."""
-    cells = np.full((80, 120), 0, dtype=np.int8)
-    cells[[0, 1, -2, -1], :] = cells[:, [0, 1, -2, -1]] = 100
-    cells[:30, 40:42] = cells[50:52, 70:] = 100
+    cells = np.full((40, 60), 0, dtype=np.int8)
+    cells[[0, -1], :] = cells[:, [0, -1]] = 100
+    cells[:15, 20] = cells[25, 35:] = 100
     files = tmp_path / "monday.hmap", tmp_path / "tuesday.hmap"
     places = [(1.0, 3.0), (4.5, 1.0)]
     for file, origin, (x, y) in zip(files, (Pose2D(), TUESDAY.inverse()), places, strict=True):
@@ -41,7 +41,7 @@ def days(tmp_path: Path) -> tuple[Path, Path]:
             ("sofa", shapely.box(3, 3, 5, 3.8)),
         ]
         objects = [SemanticObject(name, origin.apply_geometry(shape)) for name, shape in things]
-        grid = GridGeometry(120, 80, 0.05, origin)
+        grid = GridGeometry(60, 40, 0.1, origin)
         layers = (
             OccupancyLayer("occupancy", "map", grid, cells),
             SemanticLayer("semantic", "map", objects),

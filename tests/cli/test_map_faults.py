@@ -109,7 +109,7 @@ def test_what_is_no_recording_is_said_so(hypermap, tmp_path, kind):
 
 def test_a_world_that_is_not_level_is_reported_with_the_option_that_levels_it(hypermap, tmp_path):
     room = tmp_path / "room"
-    write_tum(SimulatedRecording(demo_world(), rate=0.5), room)
+    write_tum(SimulatedRecording(demo_world(), camera=SMALL, rate=0.5), room)
     map_room = ["map", room, "-o", tmp_path / "room.hmap", "--drop-evidence"]
     level = hypermap(*map_room)
     assert level.code == 0
