@@ -9,6 +9,7 @@ import { count, plural } from "./format";
 import { watchKeys } from "./keys";
 import { LayersPanel } from "./layers";
 import { insets, NARROW, toggleSidebar } from "./layout";
+import { ROOMS } from "./looks";
 import { drawnLayer, isVisible, MapView } from "./mapview";
 import { Notes } from "./notes";
 import { Panel } from "./panel";
@@ -193,12 +194,13 @@ export class App {
     document.title = `${mark}${info.name} – Hypermap`;
     byId("title").textContent = info.name;
     byId("title").classList.toggle("unsaved", info.unsaved);
-    const objects = info.layers.reduce(
-      (n, { kind, count: k }) => n + (kind === "shapes" ? k : 0),
-      0,
-    );
+    const total = (areRooms: boolean) =>
+      info.layers
+        .filter(({ kind, name }) => kind === "shapes" && (name === ROOMS) === areRooms)
+        .reduce((n, { count }) => n + count, 0);
+    const rooms = total(true) > 0 ? `, ${plural(total(true), "room")}` : "";
     byId("subtitle").textContent =
-      `${plural(objects, "object")} · ${time?.replace(" UTC", "") ?? (info.unsaved ? "not saved" : describe(info))}`;
+      `${plural(total(false), "object")}${rooms} · ${time?.replace(" UTC", "") ?? (info.unsaved ? "not saved" : describe(info))}`;
   }
 
   private listen(): void {

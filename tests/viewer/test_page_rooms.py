@@ -130,6 +130,7 @@ def test_the_page_tells_in_which_room_an_object_is(window: Window) -> None:
     expect(window.page.locator("#panel ol.found button")).to_contain_text("kitchen · ")
     room = window.page.locator("#panel dt", has_text="Room").locator("+ dd")
     expect(room).to_have_text("kitchen")
+    expect(window.page.locator("#subtitle")).to_contain_text("1 object, 2 rooms · ")
 
 
 @pytest.mark.parametrize("question", ["which room is the cup in?", "where is the kitchen?"])

@@ -203,6 +203,9 @@ def test_the_layers_and_classes_that_are_drawn_can_be_chosen():
     assert sorted(drawing.shapes[0].names) == ["a", "a", "c"]
     assert drawing.colors == compose(hypermap).colors
     assert drawing.subtitle == "3 objects of 2 classes, frame floor"
+    rooms = SemanticLayer("rooms", "floor", [SemanticObject("hall", shapely.box(0, 0, 5, 5))])
+    drawing = compose(Hypermap([*hypermap, rooms]))
+    assert drawing.subtitle == "4 objects of 3 classes, 1 room, frame floor"
 
 
 def test_small_objects_are_drawn_over_large_ones():

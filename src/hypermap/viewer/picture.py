@@ -317,12 +317,14 @@ def _only(part: Shapes, names: Sequence[str], known: Mapping[str, Any]) -> Shape
 
 
 def _objects(shapes: Sequence[Shapes]) -> str:
-    """Return the words "28 objects of 12 classes, ", or nothing where no layer has shapes."""
+    """Return the words "28 objects of 12 classes, 3 rooms, "; nothing where no layer has shapes."""
     if not shapes:
         return ""
-    counts = Counter(name for part in shapes for name in part.names)
+    counts = Counter(name for part in shapes for name in part.names if part.layer != ROOMS)
     kinds = counted(len(counts), "class", "classes")
-    return f"{counted(counts.total(), 'object')} of {kinds}, "
+    rooms = sum(len(part.names) for part in shapes if part.layer == ROOMS)
+    said = f"{counted(counts.total(), 'object')} of {kinds}, "
+    return said + (f"{counted(rooms, 'room')}, " if rooms else "")
 
 
 def _view(
