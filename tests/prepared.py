@@ -12,6 +12,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import functools
+import hashlib
 import json
 import os
 import select
@@ -73,7 +74,7 @@ class Command:
                 "environment": dict(os.environ if env is None else env),
                 "is_session": start_new_session,
             }
-            self._status, status = _pair(socket.SOCK_STREAM)
+            self._status, status = socket.socketpair()
             theirs.callback(status.close)
             files = [status.fileno(), read, write, other]
             self.pid = _started(json.dumps(job).encode(), files, self._status, packages)
@@ -186,18 +187,6 @@ def _end(
     return (given if isinstance(given, int) else given.fileno()), None
 
 
-def _pair(kind: socket.SocketKind) -> tuple[socket.socket, socket.socket]:
-    """Return two ends of which each waits for the other.
-
-    Those that are made after rospy has set a timeout for all sockets would not: the original would
-    end where it waits for the next job, and each command start one of its own.
-    """
-    ends = socket.socketpair(socket.AF_UNIX, kind)
-    for end in ends:
-        end.setblocking(True)
-    return ends
-
-
 def _started(job: bytes, files: list[int], status: socket.socket, packages: tuple[str, ...]) -> int:
     """Ask the original for a copy, and return which process that is.
 
@@ -217,25 +206,51 @@ def _started(job: bytes, files: list[int], status: socket.socket, packages: tupl
 
 @functools.cache
 def _original(packages: tuple[str, ...]) -> socket.socket:
-    """Return the channel to the process of which commands are copies, started when first needed.
+    """Return a channel to the process of which commands are copies, started when first needed.
 
-    It has imported all modules of these packages.
+    It has imported all modules of these packages, and serves all workers of a run of tests. It
+    ends when none of them can ask any more.
     """
-    ours, its = _pair(socket.SOCK_SEQPACKET)
-    with its:
-        process = subprocess.Popen(
-            [sys.executable, "-X", "faulthandler", str(_PROGRAM), str(its.fileno()), *packages],
-            pass_fds=[its.fileno()],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # threads would be missing in copies
-            start_new_session=True,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-        )
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID", os.getpid())
+    key = repr((run, sys.executable, str(_PROGRAM), packages))
+    name = f"\0hypermap-{hashlib.sha256(key.encode()).hexdigest()}"
+    while True:
+        ours, listening = _socket(), _socket()
+        with listening:
+            try:
+                ours.connect(name)
+            except ConnectionError:  # nobody has started it, or it has ended
+                ours.close()
+            else:
+                atexit.register(ours.close)
+                return ours
+            with contextlib.suppress(OSError):  # another worker was faster
+                listening.bind(name)
+                listening.listen()
+            if listening.getsockname():
+                _start(listening, packages)
 
-    def end() -> None:
-        ours.close()
-        process.wait()
+
+def _socket() -> socket.socket:
+    """Return a socket that waits, also after rospy has set a timeout for all that are made."""
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    made.setblocking(True)
+    return made
+
+
+def _start(listening: socket.socket, packages: tuple[str, ...]) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-X", "faulthandler", str(_PROGRAM), str(listening.fileno()), *packages],
+        pass_fds=[listening.fileno()],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # threads would be missing in copies
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+
+    def end() -> None:  # after the channel is closed
+        with contextlib.suppress(subprocess.TimeoutExpired):  # others may go on with it
+            process.wait(1.0)
 
     atexit.register(end)
-    return ours

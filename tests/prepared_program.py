@@ -1,6 +1,6 @@
 """Imports what commands need, and runs each command that it is asked for in a copy of itself.
 
-It ends when nobody can ask any more. See `prepared.py`.
+It serves all workers of a run of tests, and ends when nobody can ask any more. See `prepared.py`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import json
 import os
 import pkgutil
 import runpy
+import select
 import signal
 import socket
 import struct
@@ -50,31 +51,64 @@ def import_all(packages: list[str]) -> None:
     cpu_target.target_context.refresh()
 
 
-def next_job(channel: socket.socket) -> dict[str, Any]:
+def next_job(listening: socket.socket) -> dict[str, Any]:
     """Return the next job, in the process that is to do it."""
+    channels: list[socket.socket] = []
     while True:
+        for channel in select.select([listening, *channels], [], [])[0]:
+            if channel is listening:
+                channels.append(accepted(listening))
+                continue
+            text, fds = received(channel)
+            if not text:
+                channels.remove(channel)
+                channel.close()
+                if not channels:
+                    sys.exit()
+            elif os.fork() == 0:
+                for each in (listening, *channels):
+                    each.close()
+                return begun(text, fds)
+            for fd in fds:
+                os.close(fd)
+
+
+def accepted(listening: socket.socket) -> socket.socket:
+    """Return the channel of who wants to ask, which must be the one that started this process."""
+    channel, _ = listening.accept()
+    ids = struct.Struct("3i")  # process, user, group
+    _, user, _ = ids.unpack(channel.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, ids.size))
+    if user != os.getuid():
+        channel.shutdown(socket.SHUT_RDWR)
+    return channel
+
+
+def received(channel: socket.socket) -> tuple[bytes, list[int]]:
+    """Return a job and the files that come with it; none if nobody can ask any more."""
+    try:
         text, fds, _, _ = socket.recv_fds(channel, 1 << 20, 4)
-        if not text:
-            sys.exit()
-        if os.fork() == 0:
-            status, *streams = fds
-            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            channel.close()
-            job: dict[str, Any] = json.loads(text)
-            report_start_and_end(status, streams, is_session=job["is_session"])
-            os.close(status)
-            for standard, stream in enumerate(streams):
-                os.dup2(stream, standard)
-            for stream in set(streams):
-                os.close(stream)
-            sys.stdin = os.fdopen(0, closefd=False)
-            sys.stdout = os.fdopen(1, "w", closefd=False)
-            if job["environment"].get("PYTHONUNBUFFERED"):
-                sys.stdout.reconfigure(write_through=True)
-            sys.stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
-            return job
-        for fd in fds:
-            os.close(fd)
+    except ConnectionError:
+        return b"", []
+    return text, fds
+
+
+def begun(text: bytes, fds: list[int]) -> dict[str, Any]:
+    """Return a job in its own process, with its streams."""
+    status, *streams = fds
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    job: dict[str, Any] = json.loads(text)
+    report_start_and_end(status, streams, is_session=job["is_session"])
+    os.close(status)
+    for standard, stream in enumerate(streams):
+        os.dup2(stream, standard)
+    for stream in set(streams):
+        os.close(stream)
+    sys.stdin = os.fdopen(0, closefd=False)
+    sys.stdout = os.fdopen(1, "w", closefd=False)
+    if job["environment"].get("PYTHONUNBUFFERED"):
+        sys.stdout.reconfigure(write_through=True)
+    sys.stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
+    return job
 
 
 def report_start_and_end(status: int, streams: list[int], *, is_session: bool) -> None:
