@@ -153,7 +153,7 @@ class Tilted(SimulatedRecording):
 def test_who_maps_a_tilted_world_is_warned_once(
     caplog: pytest.LogCaptureFixture, kind: type[SimulatedRecording], warnings: int
 ) -> None:
-    recording = kind(demo_world(), rate=1, has_occupancy=False)
+    recording = kind(demo_world(), rate=0.5, has_occupancy=False)
     with caplog.at_level(logging.WARNING, "hypermap"):
         map_recording(recording, lambda _: Detections.of([], []), profile("default"))
     reported = [record.getMessage() for record in caplog.records]
