@@ -147,7 +147,7 @@ class Prior:
         operator = diags_array(here) + lattice.laplacian(through_walls)
         driven = np.where(lattice.is_by_wall, 1.0, away_from_walls)
         precision = csr_array(operator @ diags_array(1 / driven) @ operator)
-        factor = BlockCholesky.of(csr_array(precision[self.order][:, self.order]), self.block)
+        factor = BlockCholesky.of(_ordered(precision, self.order), self.block)
         spread = np.empty(len(self.order))
         spread[self.order] = np.sqrt(factor.inverse_diagonal())
         scales = diags_array(spread)
@@ -178,9 +178,7 @@ class Posterior:
         self._prior, self._observations, self._noise = prior, observations, noise
         self._trends = np.ones((len(prior.order), 1)) if trends is None else trends
         precision = csr_array(prior.precision + observations.information / noise**2)
-        self._factor = BlockCholesky.of(
-            csr_array(precision[prior.order][:, prior.order]), prior.block
-        )
+        self._factor = BlockCholesky.of(_ordered(precision, prior.order), prior.block)
         values = observations.values
         here = self._here = observations.weights @ self._trends
         # The part of the trends that the observations explain, and the rest.
@@ -320,3 +318,10 @@ def _order(lattice: Lattice) -> IntArray:
     """Return the nodes by lines along the shorter side of the lattice, shape (N,)."""
     numbers = np.arange(lattice.grid.width * lattice.grid.height).reshape(lattice.grid.shape)
     return (numbers if numbers.shape[1] <= numbers.shape[0] else numbers.T).ravel()
+
+
+def _ordered(matrix: csr_array, order: IntArray) -> csr_array:
+    """Return a matrix with rows and columns in an order; itself if that is the one they are in."""
+    if (order[1:] > order[:-1]).all():
+        return matrix
+    return csr_array(matrix[order][:, order])
