@@ -104,6 +104,10 @@ def test_drives_whose_clocks_begin_again_are_hours_apart_unless_they_are_one() -
     assert last_seen(drive(0.0, 6), first) == 5  # the rest of the same drive
     assert last_seen(drive(100.0, 6), first) == 105  # the clock goes on
     assert last_seen(drive(0.5, 6), first) == 2 + 7200 + 5
+    twice = Frames([*drive(0.5, 6).items, *drive(0.0, 3).items])  # of two recordings
+    assert last_seen(twice, first) == 2 + 7200 + 5
+    later = dataclasses.replace(walk().items[-1], stamp=9.0)
+    assert last_seen(Frames([*twice.items, later]), first) == 2 + 7200 + 8.5
     again = map_recording(drive(0.5, 6), boxes, CONFIG, onto=first)
     assert last_seen(drive(0.5, 6), again) == 2 + 7200 + 5  # nothing new
     assert last_seen(drive(0.25, 6), again) == 2 + 2 * (7200 + 5)

@@ -261,7 +261,8 @@ class Mapper:
         if (reason := why_unusable(frame)) is not None:
             self.leave_out(frame.stamp, reason)
         elif (drive := self._earlier.with_frame(frame)) is not None:
-            self._drive.offset = drive.offset
+            if not self._drive.keys:
+                self._drive.offset = drive.offset
             self.keyframes.repeat(frame.map_T_camera, frame.stamp)
             self._count(repeated=1)
         elif not self.keyframes.accept(frame.map_T_camera, frame.stamp):
