@@ -39,7 +39,7 @@ RECORDERS: list[tuple[Any, ...]] = [  # file, signal that ends it, options
 ROS_PYTHON = "/usr/bin/python3"  # ROS lives in the system's Python, not in ours
 NEEDS = "rospy, rosbag, numpy, PIL, sensor_msgs.msg, tf2_msgs.msg"
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros")]
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("rosbags")]
 
 
 def has_ros() -> bool:

@@ -20,7 +20,7 @@ from hypermap.testing import square
 from .conftest import wait_for
 from .map_server_tools import Client
 
-pytestmark = pytest.mark.xdist_group("ros")
+pytestmark = pytest.mark.xdist_group("ros_launch")
 
 CAMERA = {
     "depth_topic": "/camera/depth_registered/image_raw",

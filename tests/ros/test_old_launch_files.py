@@ -16,7 +16,7 @@ from hypermap.ros.mapper.first_mapper import FirstMapper, todays
 from .conftest import ROS, wait_for
 from .map_server_tools import Client, building, saved
 
-ros1 = pytest.mark.xdist_group("ros")
+ros1 = pytest.mark.xdist_group("ros_launch")
 
 SERVE = """
 <launch>

@@ -21,7 +21,7 @@ import pytest
 from .. import prepared
 from .conftest import HYPERMAP, PACKAGES, Process, program_of_python, wait_for
 
-pytestmark = [pytest.mark.xdist_group("ros"), pytest.mark.slow, pytest.mark.timeout(1200)]
+pytestmark = [pytest.mark.xdist_group("ros_launch"), pytest.mark.slow, pytest.mark.timeout(1200)]
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "ros1.md"

@@ -21,7 +21,7 @@ from hypermap.core.occupancy import OccupancyLayer
 
 from .map_server_tools import Client, building, saved
 
-pytestmark = pytest.mark.xdist_group("ros")
+pytestmark = pytest.mark.xdist_group("ros_launch")
 
 
 def layers(path: Path) -> list[str]:
