@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
@@ -284,6 +285,25 @@ def test_a_disk_that_was_full_is_tried_again(
     wait_for(lambda: node.logged("the map is not saved"), "a word about it")
     folder.mkdir()
     wait_for(output.exists, "the map")
+
+
+def test_a_map_that_cannot_be_saved_at_the_end_is_saved_elsewhere(
+    room: Callable[..., Room],
+    drive: list[RgbdFrame],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (tmp_path / "disk").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    save_to = str(tmp_path / "disk" / "live.hmap")
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW, save_to=save_to, save_every=0.0)
+    node.show_camera_info(drive[0])
+    node.map(drive[:3])
+    (tmp_path / "disk").rmdir()
+    with pytest.raises(HypermapError, match="no such folder to save in; this map is in "):
+        node.node.deactivate()
+    (elsewhere,) = tmp_path.glob("hypermap-*/live.hmap")
+    assert len(open_map(elsewhere).semantic())
 
 
 def test_the_map_is_saved_when_one_asks_though_no_place_was_named(

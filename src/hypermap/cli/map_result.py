@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import shutil
-import tempfile
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +10,6 @@ from typing import TYPE_CHECKING
 from hypermap.cli.onto import is_same_file
 from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note
-from hypermap.core.errors import HypermapError
 from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
@@ -28,32 +25,14 @@ def save_result(hypermap: Hypermap, output: Path, evidence: bool, onto: Path | N
         HypermapError: If it cannot be saved there; it names the folder for temporary files in which
             the map is then, if it could be saved there.
     """
+    from hypermap.formats.backup import or_elsewhere
+
     if not evidence:
         _drop_evidence(hypermap)
-    try:
+    with or_elsewhere(output.name, lambda: hypermap):
         backup = replace_from(hypermap, onto, output)
-    except HypermapError as error:
-        if (rescued := _rescued(hypermap, output.name)) is None:
-            raise
-        raise HypermapError(f"{error}; this map is in {rescued} instead") from None
     if backup is not None:
         note(f"the previous map is kept as {backup}" + _hint_onto(backup, output, onto))
-
-
-def _rescued(hypermap: Hypermap, name: str) -> Path | None:
-    """Return where a map was saved that cannot be where it should; None if it cannot be there."""
-    from hypermap.formats import save_map
-
-    try:
-        folder = Path(tempfile.mkdtemp(prefix="hypermap-"))
-    except OSError:
-        return None
-    try:
-        save_map(hypermap, folder / name)
-    except HypermapError:
-        shutil.rmtree(folder, ignore_errors=True)
-        return None
-    return folder / name
 
 
 def _hint_onto(backup: Path, output: Path, onto: Path | None) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import copy
-from collections.abc import Iterator
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
@@ -73,6 +75,39 @@ def save_with_backup(hypermap: Hypermap, path: Path, *, spare_edited: bool = Fal
 
         replace_map(hypermap, path, before=before)
     return backup
+
+
+@contextlib.contextmanager
+def or_elsewhere(name: str, hypermap: Callable[[], Hypermap]) -> Iterator[None]:
+    """Save what took long to map in the folder for temporary files, if it cannot be saved within.
+
+    Args:
+        name: of the file, an archive.
+        hypermap: returns the map.
+
+    Raises:
+        HypermapError: What was raised within; it says where the map is, if it could be saved.
+    """
+    try:
+        yield
+    except HypermapError as error:
+        if (path := _saved_elsewhere(hypermap(), name)) is None:
+            raise
+        raise HypermapError(f"{error}; this map is in {path} instead") from None
+
+
+def _saved_elsewhere(hypermap: Hypermap, name: str) -> Path | None:
+    """Return where a map was saved; None if it cannot be saved there either."""
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="hypermap-"))
+    except OSError:
+        return None
+    try:
+        replace_map(hypermap, folder / name)
+    except HypermapError:
+        shutil.rmtree(folder, ignore_errors=True)
+        return None
+    return folder / name
 
 
 def _copy_of(path: Path, backup: Path) -> bytes | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from hypermap.core.errors import HypermapError
 from hypermap.core.history import MAP_VERSION
 from hypermap.formats import save_map
-from hypermap.formats.backup import save_with_backup
+from hypermap.formats.backup import or_elsewhere, save_with_backup
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.port import Level, Port
@@ -72,7 +72,7 @@ class Saving:
         """End, and save what is new.
 
         Raises:
-            HypermapError: If it cannot be saved.
+            HypermapError: If it cannot be saved; then it is in the folder for temporary files.
         """
         self._ends.set()
         if self._thread is not None:
@@ -82,7 +82,8 @@ class Saving:
         if not self._map.is_new:
             self._port.log("warning", "nothing was mapped, so nothing is saved")
         elif self._map.state != self._saved_state:
-            self._save(self._path)
+            with or_elsewhere(self._path.name, self._map.hypermap):
+                self._save(self._path)
 
     def _work(self) -> None:
         assert self._path is not None
