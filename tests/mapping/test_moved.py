@@ -173,6 +173,26 @@ def test_of_what_was_moved_by_less_than_its_size_the_old_evidence_is_dropped() -
     assert chair.attributes["moved"]["confidence"] > 0.9
 
 
+@pytest.mark.parametrize(
+    ("now", "is_moved"),
+    [
+        (shapely.box(0.6, 0.0, 2.6, 0.9), True),
+        (shapely.box(0.0, 0.0, 2.0, 0.4), False),  # seen from one side
+    ],
+)
+def test_a_sofa_is_moved_if_it_is_where_floor_was_seen(
+    now: shapely.Polygon, is_moved: bool
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(8):
+        evidence.update(seen(shapely.box(0.0, 0.0, 2.0, 0.9), stamp=second))
+    for second in range(6):
+        evidence.update(seen(now, stamp=DAY + second))
+    sofa = only(evidence)
+    assert ("moved" in sofa.attributes) == is_moved
+    assert sofa.footprint.centroid.x == pytest.approx(1.6 if is_moved else 1.0, abs=0.02)
+
+
 def test_what_stands_in_a_part_of_its_old_place_was_moved_there() -> None:
     evidence = EvidenceMap(DEFAULT)
     for second in range(8):

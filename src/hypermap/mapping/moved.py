@@ -34,7 +34,8 @@ _NEAR = 0.25  # [m]
 _BESIDE = 0.2  # [m] between the old place and one that it is moved to without a look between
 _SAME_HEIGHT = 0.85  # least ratio of the heights of two objects
 _LEAST = 0.2  # [m]; least distance of centroids for a move within an object's place
-_PER_AREA = 0.4  # [m] more per square meter: a drive may see only one side of large objects
+_PER_AREA = 0.4  # [m] per square meter of an object of which a drive may see only one side
+_AS_MUCH = 0.5  # share of the floor that a moved object leaves, from which it takes about as much
 
 
 @dataclass(frozen=True)
@@ -217,7 +218,9 @@ def moved_within_place(
     """Return the evidence since an object was moved by less than its size, and the confidence.
 
     At least 4 pieces of evidence of the newest drive, or since a long gap, must agree on another
-    place, and have seen the floor where the object was.
+    place, and have seen the floor where the object was. A large object must have moved farther,
+    because a drive may see only one side of it, unless about as much floor is taken as is left, and
+    earlier views saw that.
 
     Args:
         buffer: the evidence for an object; not changed.
@@ -241,11 +244,7 @@ def moved_within_place(
     newer = _buffer_of(fresh, buffer, config)
     older = _buffer_of(buffer.items[:since], buffer, config)
     here, was = fuse(newer, config).geometry, fuse(older, config).geometry
-    shift = shapely.distance(shapely.centroid(here), shapely.centroid(was))
-    if shift < max(_LEAST, _PER_AREA * min(here.area, was.area)):
-        return None
-    left = was.difference(shapely.buffer(here, 0.05))
-    if left.is_empty or not _saw(left, fresh):
+    if not _is_elsewhere(here, was, fresh, buffer.items[:since]):
         return None
     alike = likeness(was, here)
     return (newer, alike) if alike >= SAME_SHAPE else None
@@ -265,6 +264,27 @@ def _buffer_of(
     )
     part.pictures = whole.pictures
     return part
+
+
+def _is_elsewhere(
+    here: BaseGeometry,
+    was: BaseGeometry,
+    fresh: Sequence[Evidence],
+    earlier: Sequence[Evidence],
+) -> bool:
+    """Return whether a shape has moved from another one, by the views of it and of that one."""
+    shift = shapely.distance(shapely.centroid(here), shapely.centroid(was))
+    left, taken = _only_in(was, here), _only_in(here, was)
+    if shift < _LEAST or left.is_empty or not _saw(left, fresh):
+        return False
+    if shift >= _PER_AREA * min(here.area, was.area):
+        return True
+    return bool(taken.area >= _AS_MUCH * left.area) and _saw(taken, earlier)
+
+
+def _only_in(one: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
+    """Return the part of a shape outside of another one, which may be off by a little."""
+    return one.difference(shapely.buffer(other, 0.05))
 
 
 def _saw(area: BaseGeometry, items: Sequence[Evidence]) -> bool:
