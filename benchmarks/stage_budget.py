@@ -24,6 +24,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +54,9 @@ STAGES = ("detection", "cut-out", "depth", "poses", "fusion", "existence")
 ROWS = [
     frozenset(),
     *(frozenset({stage}) for stage in STAGES),
+    *(frozenset(both) for both in combinations(("cut-out", "poses", "existence"), 2)),
+    frozenset({"cut-out", "poses", "existence"}),
     frozenset({"poses", "fusion", "existence"}),
-    frozenset(STAGES) - {"detection"},
 ]
 OF_MAP = frozenset({"fusion", "existence"})  # what is known of the finished map alone
 CONFIG = profile("default")

@@ -470,6 +470,16 @@ def test_an_object_that_some_frames_showed_in_two_parts_becomes_one() -> None:
     assert only(evidence).footprint.equals(whole)
 
 
+def test_a_view_of_one_of_two_chairs_is_not_for_the_one_that_reached_over_both() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    left, right, both = square(0), square(1.2), shapely.box(-0.5, -0.5, 1.7, 0.5)
+    for shape in (left, left, both, both, both):
+        evidence.update(seen(shape, right))
+    for _ in range(3):
+        evidence.update(seen(right))
+    assert [count for _, count, _ in evidence.summary()] == [5, 8]
+
+
 def test_what_is_forgotten_leaves_nothing_behind() -> None:
     # Beside a chair that stays, a wrong one is found in each frame, every time somewhere else.
     evidence = EvidenceMap(dataclasses.replace(published_all(DEFAULT), loss=10.0))

@@ -34,6 +34,7 @@ from hypermap.perception.observation import Observation, ObservedObject
 
 _log = logging.getLogger(__name__)
 
+_SURELY_TWO = 0.5  # share of the frames with one track that show another object, too
 _SAME_PLACE = 0.5  # Jaccard index from which two published footprints are one object
 
 
@@ -256,7 +257,7 @@ class EvidenceMap:
         elif self.config.combine == "matches":
             row = self._merge(matches)
         else:
-            row = matches[0]
+            row = self._most_alike(matches, evidence)
         track = self._touch(row)
         track.buffer.add(evidence)
         track.pending += 1
@@ -278,6 +279,21 @@ class EvidenceMap:
                 row = self._merge_overlapping(row)
         self._observed.add(self._tracks.objects[row].id)
         return self._tracks.objects[row].id
+
+    def _most_alike(self, matches: Rows, evidence: Evidence) -> int:
+        """Return the best match, or one more like the shape that is surely another object.
+
+        The track of a chair that once reached over the next one, too, holds all of both.
+        """
+        shapes, objects = self._tracks.shapes, self._tracks.objects
+        first, *others = matches
+        fewest, share = CONFIRMED - 1, _SURELY_TWO
+        rows = [row for row in others if are_two(objects[first], objects[row], fewest, share)]
+        if not rows:
+            return first
+        heights = evidence.z_min, evidence.z_max
+        ious = footprint_ious(evidence.prepared, heights, shapes, [first, *rows])
+        return max(zip(ious, [first, *rows], strict=True), key=lambda found: found[0])[1]
 
     def _merge(self, rows: Rows) -> int:
         """Merge tracks into the first of `_mergeable` and return its row."""

@@ -73,15 +73,16 @@ class Track:
         vars(self).update(vars(other))
 
 
-def are_two(one: Track, other: Track, fewest: int = 1) -> bool:
+def are_two(one: Track, other: Track, fewest: int = 1, share: float = _CO_OCCURRENCE_SHARE) -> bool:
     """Return whether so many frames show both tracks that they are two objects.
 
     Args:
         one: a track.
         other: another one.
         fewest: so many frames do not count, whatever their share.
+        share: of the frames that show the rarer one; more must show both.
     """
-    most = _CO_OCCURRENCE_SHARE * min(one.buffer.count, other.buffer.count)
+    most = share * min(one.buffer.count, other.buffer.count)
     return one.co_occurrences[other.id] > max(fewest, most)
 
 
