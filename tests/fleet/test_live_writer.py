@@ -315,6 +315,7 @@ def test_what_was_refused_is_listed_sent_again_and_dropped(
         (["mug"], "no mug"),
         (["a cup\0"], "no a cup\0"),
     ]
+    assert "no mug" in said(str(path))[1]
     status, out, err = said(str(path), "--resend", store)
     assert (status, out) == (2, "1 part stored, 1 still refused\n")
     assert "2: postgresql://" in err

@@ -116,7 +116,7 @@ def _show(spool: Spool, chosen: list[Refused], as_json: bool) -> None:
     shown = table("number", "site", "robot", "objects", "kB", "reason", right=("number", "kB"))
     for row in rows:
         texts = [row["number"], row["site"], row["robot"], ", ".join(row["objects"]), row["kB"]]
-        shown.add_row(*(printable(str(text), 40) for text in texts), printable(row["reason"]))
+        shown.add_row(*(printable(str(text), 40) for text in texts), printable(row["reason"], 300))
     out().print(shown)
     if spool.dropped:
         say(f"{counted(spool.dropped, 'older part')} had to be dropped (live --refused-mb)")
