@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -152,7 +153,11 @@ def _save_live(folder: Path, version: int) -> None:
     live = _LiveMap(hypermap_of(version))
     saving = Saving(port, settings, live, log)  # type: ignore[arg-type]
     live.state = (1,)
-    saving.close()
+    before, tempfile.tempdir = tempfile.tempdir, str(folder / "none")  # nor elsewhere
+    try:
+        saving.close()
+    finally:
+        tempfile.tempdir = before
 
 
 @dataclass
@@ -162,6 +167,8 @@ class _LiveMap:
     made: Hypermap
     state: tuple[int, ...] = (0,)
     is_new: bool = True
+    saves: int = 0
+    files: set[Path] = field(default_factory=set)
 
     def hypermap(self) -> Hypermap:
         return Hypermap([*self.made], metadata={**self.made.metadata, MAP_VERSION: 1})

@@ -173,6 +173,18 @@ def test_other_golden_answers_are_named(monkeypatch: pytest.MonkeyPatch) -> None
     assert len(golden.differences()) == len(golden.MAPS)
 
 
+def test_the_live_nodes_way_to_save_saves_what_it_reads(tmp_path: Path) -> None:
+    """A way that raises by itself would be tried no further."""
+    from campaign.ways_to_save import ways
+
+    (live,) = (way for way in ways() if way.name == "the live node's end")
+    read = []
+    for version in (0, 1):
+        live.save(tmp_path, version)
+        read.append(live.read(tmp_path))
+    assert read[0] != read[1]
+
+
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
 def test_a_save_that_writes_in_place_is_found_out(tmp_path: Path) -> None:
     from campaign.kill import Trial, kill_at_operations
