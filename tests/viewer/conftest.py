@@ -21,17 +21,34 @@ def browser() -> Iterator[object]:
         yield browser
 
 
-@pytest.fixture
-def window(browser: Any, url: str) -> Iterator[Any]:
-    """A window that shows the small map at a module's `url`; nothing may go wrong in it."""
+@pytest.fixture(scope="module")
+def empty_window(browser: Any) -> Iterator[Any]:
+    """The window that tests of a module load the page in, each anew."""
     from .page_tools import a_window
+
+    with a_window(browser, None) as window:
+        yield window
+
+
+@pytest.fixture(scope="module")
+def second_window(browser: Any) -> Iterator[Any]:
+    """Another one that shares nothing with the first."""
+    from .page_tools import a_window
+
+    with a_window(browser, None) as window:
+        yield window
+
+
+@pytest.fixture
+def window(empty_window: Any, url: str) -> Iterator[Any]:
+    """A window that shows the small map at a module's `url`; nothing may go wrong in it."""
     from .small_map import METRES_PER_PIXEL
 
-    with a_window(browser, url) as window:
-        window.look_at(5, 4, METRES_PER_PIXEL)
-        yield window
-        assert window.hosts() == {"127.0.0.1"}
-        assert window.complaints == []
+    empty_window.load(url)
+    empty_window.look_at(5, 4, METRES_PER_PIXEL)
+    yield empty_window
+    assert empty_window.hosts() == {"127.0.0.1"}
+    assert empty_window.complaints == []
 
 
 @pytest.fixture
@@ -51,25 +68,25 @@ def map_named(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[[str],
 
 
 @pytest.fixture
-def edited(browser: Any, tmp_path: Path) -> Iterator[Any]:
+def edited(empty_window: Any, tmp_path: Path) -> Iterator[Any]:
     """A small map in a window, to be changed: an `Edited`."""
     from .editing_tools import Edited
-    from .page_tools import a_server, a_window
+    from .page_tools import a_server
     from .small_map import METRES_PER_PIXEL, saved_small_map
 
     path = saved_small_map(tmp_path)
-    with a_server(path) as url, a_window(browser, url) as window:
-        window.look_at(5, 4, METRES_PER_PIXEL)
-        yield Edited(path, url, window)
-        assert window.hosts() == {"127.0.0.1"}
+    with a_server(path) as url:
+        empty_window.load(url)
+        empty_window.look_at(5, 4, METRES_PER_PIXEL)
+        yield Edited(path, url, empty_window)
+        assert empty_window.hosts() == {"127.0.0.1"}
 
 
 @pytest.fixture
-def other(browser: Any, edited: Any) -> Iterator[Any]:
+def other(second_window: Any, edited: Any) -> Any:
     """A second window that shows the map of `edited`."""
-    from .page_tools import a_window
     from .small_map import METRES_PER_PIXEL
 
-    with a_window(browser, edited.url) as window:
-        window.look_at(5, 4, METRES_PER_PIXEL)
-        yield window
+    second_window.load(edited.url)
+    second_window.look_at(5, 4, METRES_PER_PIXEL)
+    return second_window

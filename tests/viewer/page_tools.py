@@ -72,10 +72,23 @@ def a_browser() -> Iterator[Browser]:
 
 
 @contextlib.contextmanager
-def a_window(browser: Browser, url: str, **options: Any) -> Iterator[Window]:
-    """Open the page in a window that shares nothing with others."""
+def a_window(browser: Browser, url: str | None, **options: Any) -> Iterator[Window]:
+    """Open a window that shares nothing with others, with the page in it if there is an address."""
     with contextlib.closing(browser.new_context(viewport=SIZE, **options)) as context:
         yield Window(context, url)
+
+
+def forget(page: Page) -> None:
+    """Forget what a page has kept and what a test has set, and take the pointer away.
+
+    Loaded again, it is as in a new window, but in half the time: the browser has its program ready.
+    """
+    page.unroute_all()
+    page.set_viewport_size(SIZE)
+    if page.url != "about:blank":
+        page.evaluate("() => { localStorage.clear(); sessionStorage.clear(); }")
+    page.context.clear_cookies()
+    page.mouse.move(-1, -1)
 
 
 @contextlib.contextmanager
@@ -116,7 +129,7 @@ class Window:
         complaints: what the console said as warning or error, and errors that nobody caught.
     """
 
-    def __init__(self, context: BrowserContext, url: str) -> None:
+    def __init__(self, context: BrowserContext, url: str | None) -> None:
         context.set_default_timeout(1000 * PATIENCE)
         self.page: Page = context.new_page()
         self.asked: list[str] = []
@@ -131,7 +144,15 @@ class Window:
                 else None
             ),
         )
-        self.page.goto(url)
+        if url is not None:
+            self.load(url)
+
+    def load(self, url: str) -> None:
+        """Load the page as if this window were new."""
+        forget(self.page)
+        self.asked.clear()
+        self.complaints.clear()
+        assert self.page.goto(url) is not None, "it was not loaded, but stayed as it was"
         self.wait_until_drawn()
 
     def wait_until_drawn(self) -> None:

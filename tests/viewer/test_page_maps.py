@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
-from playwright.sync_api import Browser
 
 from hypermap.core.found import Found
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import EMPTY, SemanticLayer
 from hypermap.formats import open_map
 
-from .page_tools import Window, a_server, a_window
+from .page_tools import Window, a_server
 from .screen_colors import Expected
 
 pytestmark = pytest.mark.xdist_group("page")
@@ -48,11 +47,12 @@ class Shown:
 
 @pytest.fixture(params=MAPS)
 def shown(
-    request: pytest.FixtureRequest, map_named: Callable[[str], Path], browser: Browser
+    request: pytest.FixtureRequest, map_named: Callable[[str], Path], empty_window: Window
 ) -> Iterator[Shown]:
     path = map_named(request.param)
-    with a_server(path) as url, a_window(browser, url) as window:
-        yield zoomed(open_map(path), window)
+    with a_server(path) as url:
+        empty_window.load(url)
+        yield zoomed(open_map(path), empty_window)
 
 
 def zoomed(hypermap: Hypermap, window: Window) -> Shown:

@@ -42,9 +42,10 @@ def path(tmp_path, picture) -> Path:
 
 
 @pytest.fixture
-def window(browser: Browser, path: Path) -> Iterator[Window]:
-    with a_server(path) as url, a_window(browser, url) as window:
-        yield window
+def window(empty_window: Window, path: Path) -> Iterator[Window]:
+    with a_server(path) as url:
+        empty_window.load(url)
+        yield empty_window
 
 
 def click_map(window: Window, x: float, y: float) -> None:

@@ -21,7 +21,7 @@ from hypermap.colors import class_colors
 
 from .commands import PATIENCE
 from .page_tools import SIZE as WINDOW
-from .page_tools import chromium
+from .page_tools import chromium, forget
 from .run_tools import BLUE, CHAIR, CUP, EVIL, GRAY, RED, SIZE, watching, write_run
 
 pytestmark = pytest.mark.xdist_group("page")
@@ -37,7 +37,7 @@ TINT = 0.5  # of a segment
 class RunWindow:
     """A window with the page of a run in it."""
 
-    def __init__(self, page: Page, url: str) -> None:
+    def __init__(self, page: Page) -> None:
         self.page = page
         page.context.set_default_timeout(1000 * PATIENCE)
         self.hosts: set[str] = set()
@@ -52,7 +52,13 @@ class RunWindow:
                 else None
             ),
         )
-        page.goto(url)
+
+    def load(self, url: str) -> None:
+        """Load the page as if this window were new."""
+        forget(self.page)
+        self.hosts.clear()
+        self.complaints.clear()
+        assert self.page.goto(url) is not None, "it was not loaded, but stayed as it was"
         self.wait_for("() => window.hypermapRun?.shown")
 
     def wait_for(self, condition: str, argument: Any = None) -> Any:
@@ -148,9 +154,12 @@ class RunWindow:
 
 
 @contextlib.contextmanager
-def a_run_window(browser: Browser, url: str) -> Iterator[RunWindow]:
+def a_run_window(browser: Browser, url: str | None) -> Iterator[RunWindow]:
     with contextlib.closing(browser.new_context(viewport=WINDOW)) as context:
-        yield RunWindow(context.new_page(), url)
+        window = RunWindow(context.new_page())
+        if url is not None:
+            window.load(url)
+        yield window
 
 
 @pytest.fixture(scope="module")
@@ -163,13 +172,19 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield watched.url
 
 
-@pytest.fixture
-def window(browser: Browser, finished: str) -> Iterator[RunWindow]:
-    with a_run_window(browser, finished) as window:
-        window.wait_until_shown(FRAMES)
+@pytest.fixture(scope="module")
+def empty_window(browser: Browser) -> Iterator[RunWindow]:
+    with a_run_window(browser, None) as window:
         yield window
-        assert window.hosts == {"127.0.0.1"}
-        assert window.complaints == []
+
+
+@pytest.fixture
+def window(empty_window: RunWindow, finished: str) -> Iterator[RunWindow]:
+    empty_window.load(finished)
+    empty_window.wait_until_shown(FRAMES)
+    yield empty_window
+    assert empty_window.hosts == {"127.0.0.1"}
+    assert empty_window.complaints == []
 
 
 def test_a_finished_run_shows_its_last_step_and_how_it_went(window: RunWindow) -> None:
