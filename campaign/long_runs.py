@@ -37,7 +37,8 @@ GROWTH = 1.0  # MB that 10,000 frames may add, once warm
 SLOWER = 1.5  # times: the last quarter of the frames beside the second
 DAY = 86_400  # s
 _ENOUGH = 20_000  # frames, after which all that a mapper keeps has reached its bounds
-_FILLING = 40.0  # MB that 10,000 frames may add before
+_FILLING = 40.0  # MB that 10,000 frames may add before, besides
+_LOG = 25.0  # MB of the log of the newest frames, which fills with the first 3,000
 _SETTLES = 5.0  # MB, within which memory may settle at any time
 _FEWEST = 1000  # frames, from which on growth is distinguishable from noise
 _EVENTS = (
@@ -129,8 +130,10 @@ def uneven(ends: FloatArray, memory: FloatArray) -> list[str]:
     """
     found = []
     growth, warm = _growth(memory), len(memory) - len(memory) // 4
-    allowed = GROWTH if len(memory) >= _ENOUGH else _FILLING
-    if growth * warm > _SETTLES + allowed * warm / 1e4:
+    allowed = _SETTLES + GROWTH * warm / 1e4
+    if len(memory) < _ENOUGH:
+        allowed = _SETTLES + _LOG + _FILLING * warm / 1e4
+    if growth * warm > allowed:
         found.append(f"{growth * warm:.1f} MB more after {warm} frames, once warm")
     early, late = _pace(ends)
     if late > SLOWER * early:
