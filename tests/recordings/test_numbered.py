@@ -95,10 +95,61 @@ def test_poses_of_one_file_belong_to_the_images_of_their_number(
     assert f"{4 - len(kept)} frames lack an image or a pose and are left out" in notes
 
 
-def test_intrinsics_may_lie_one_folder_up_as_those_of_all_scenes_of_replica(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("first", "count"), [(0, 3), (1, 2), (1, 3)])
+def test_images_after_the_last_pose_of_one_file_are_left_out(
+    tmp_path: Path, first: int, count: int
+) -> None:
+    folder = write_redwood(tmp_path / "scene", SHOTS)  # from 1 on
+    for name in ("depth", "color"):
+        for number in range(1, 5):
+            path = folder / name / f"{number:05d}.png"
+            path.rename(path.with_name(f"{number + first - 1}.png"))
+    log = folder / "scene/trajectory.log"
+    log.write_text("".join(log.read_text().splitlines(keepends=True)[: 5 * count]))
+    for frame, shot in zip(open_recording(folder).frames(), SHOTS[:count], strict=True):
+        assert_shows(frame, shot)
+
+
+def test_intrinsics_may_lie_one_folder_up_as_those_of_all_scenes_of_replica(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = write_replica(tmp_path / "room0", SHOTS)
     (folder / "cam_params.json").rename(tmp_path / "cam_params.json")
     assert_shows(next(open_recording(folder).frames()), SHOTS[0])
+    monkeypatch.chdir(folder)
+    assert_shows(next(open_recording(".").frames()), SHOTS[0])
+
+
+def test_a_folder_without_images_does_not_hide_another_one_with_them(tmp_path: Path) -> None:
+    folder = write_redwood(tmp_path / "scene", SHOTS)
+    (folder / "color").rename(folder / "rgb")
+    (folder / "color").mkdir()
+    assert_shows(next(open_recording(folder).frames()), SHOTS[0])
+
+
+@pytest.mark.parametrize("ticks", [10**3, 10**6, 10**9])
+def test_numbers_that_are_times_are_read_as_such(tmp_path: Path, ticks: int) -> None:
+    folder = write_scannet(tmp_path / "scene", SHOTS)
+    for name in ("color", "depth", "pose"):
+        for path in (folder / name).iterdir():
+            number = 1_600_000_000 * ticks + int(path.stem) * ticks // 10
+            path.rename(path.with_stem(str(number)))
+    recording = open_recording(folder)
+    stamps = [frame.stamp for frame in recording.frames()]
+    np.testing.assert_allclose(np.subtract(stamps, 1.6e9), [0, 0.1, 0.2, 0.3], atol=1e-6)
+    assert "stamps are the times in the names of the files" in recording.info().notes
+
+
+def test_a_pose_whose_file_is_a_dangling_link_costs_its_own_frame_only(tmp_path: Path) -> None:
+    folder = write_scannet(tmp_path / "scene", SHOTS)
+    (folder / "pose/1.txt").unlink()
+    (folder / "pose/1.txt").symlink_to(tmp_path / "nothing")
+    bad: list[float] = []
+    recording = open_recording(folder)
+    assert len(list(recording.frames(lambda stamp, _: bad.append(stamp)))) == 3
+    assert bad == [pytest.approx(1 / 30)]
+    said = f"poses that cannot be read: 1, the first is {folder}/pose/1.txt: there is no such file"
+    assert said in recording.info().notes
 
 
 def test_frames_without_tracking_are_left_out(tmp_path: Path) -> None:
@@ -171,6 +222,16 @@ def rewrite(name: str, text: str) -> Callable[[Path], object]:
             FormatError,
             "{}/camera_intrinsic.json: expected the intrinsics fx, fy, cx and cy under camera, or "
             "Open3D's intrinsic_matrix; give --intrinsics",
+        ),
+        (
+            write_redwood,
+            rewrite(
+                "camera_intrinsic.json",
+                '{"width": 40, "height": 24, "intrinsic_matrix": [26, 0, 0, 0, 27, 0, 15, 11, 1]}',
+            ),
+            FormatError,
+            "{}/camera_intrinsic.json: the size is 40 x 24, not that of the images, 32 x 24 "
+            "pixels: these intrinsics are for another image size; give --intrinsics",
         ),
         (
             write_scannet,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,11 +34,13 @@ class Intrinsics:
         path: the file.
         K: pinhole matrix [pixels], shape (3, 3).
         depth_scale: units of depth per meter; None if the file does not say.
+        size: columns and rows of its images, likewise.
     """
 
     path: Path
     K: NDArray[np.float64]
     depth_scale: float | None = None
+    size: tuple[float, float] | None = None
 
     def camera(self, width: int, height: int) -> Camera:
         """Return the camera of images of a size.
@@ -50,10 +53,15 @@ class Intrinsics:
         except ValueError as error:
             raise FormatError(str(error), path=self.path) from None
         cx, cy = camera.K[:2, 2]
+        wrong = None
         if not (0 < cx < width and 0 < cy < height):
+            wrong = f"the principal point ({cx:g}, {cy:g}) is not on the images of"
+        elif self.size is not None and self.size != (width, height):
+            wrong = f"the size is {self.size[0]:g} x {self.size[1]:g}, not that of the images,"
+        if wrong is not None:
             raise FormatError(
-                f"the principal point ({cx:g}, {cy:g}) is not on the images of {width} x {height} "
-                "pixels: these intrinsics are for another image size; give --intrinsics",
+                f"{wrong} {width} x {height} pixels: these intrinsics are for another image size; "
+                "give --intrinsics",
                 path=self.path,
             )
         return camera
@@ -83,7 +91,9 @@ def color_intrinsics(folder: Path) -> Intrinsics | None:
 
 
 def _existing(folder: Path, names: tuple[str, ...] | list[str]) -> Iterator[Path]:
-    places = (place / name for place in (folder, folder.parent) for name in names)
+    # Of "." and "..", too, but not of what a link leads to.
+    up = Path(os.path.abspath(folder)).parent  # noqa: PTH100
+    places = (place / name for place in (folder, up) for name in names)
     return (place for place in places if place.is_file())
 
 
@@ -99,10 +109,12 @@ def _read_json(path: Path) -> Intrinsics:
     try:
         said: Any = json.loads(path.read_text(encoding="utf-8"))
         if "intrinsic_matrix" in said:  # Open3D's, column by column
-            return Intrinsics(path, np.array(said["intrinsic_matrix"], float).reshape(3, 3).T)
+            K = np.array(said["intrinsic_matrix"], float).reshape(3, 3).T
+            return Intrinsics(path, K, size=_size_in(said, "width", "height"))
         camera = said["camera"]
         fx, fy, cx, cy = (float(camera[name]) for name in ("fx", "fy", "cx", "cy"))
         scale = float(camera["scale"]) if "scale" in camera else None
+        size = _size_in(camera, "w", "h")
         if scale is not None and not 0 < scale < math.inf:
             raise ValueError("the scale is not positive")
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
@@ -111,4 +123,10 @@ def _read_json(path: Path) -> Intrinsics:
             "give --intrinsics",
             path=path,
         ) from None
-    return Intrinsics(path, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), scale)
+    return Intrinsics(path, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), scale, size)
+
+
+def _size_in(said: Any, *names: str) -> tuple[float, float] | None:
+    """Return the columns and rows that are said; None if one of them is not."""
+    size = [said.get(name) for name in names]
+    return None if None in size else (float(size[0]), float(size[1]))

@@ -20,7 +20,7 @@ class Files:
     """Files of one kind, such as depth images.
 
     Attributes:
-        folders: below that of the recording; the first that exists is taken.
+        folders: below that of the recording; the first with such files is taken.
         name: a pattern of file names, whose one group is the frame's number.
         example: their names as a person would say them.
     """
@@ -31,10 +31,9 @@ class Files:
 
     def find(self, path: Path) -> dict[int, Path]:
         """Return the files of a recording at `path`, by their frames' numbers."""
-        folder = next((path / name for name in self.folders if (path / name).is_dir()), None)
-        if folder is None:
-            return {}
-        return dict(sorted(_numbered(folder, self.name)))
+        places = [path / name for name in self.folders if (path / name).is_dir()]
+        found = (dict(sorted(_numbered(place, self.name))) for place in places)
+        return next(filter(None, found), {})
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.core.history import EARLIEST
 from hypermap.core.trajectory import trajectory_of
 from hypermap.perception.frame import Camera
 from hypermap.perception.recording import RecordingInfo, Stream
@@ -31,20 +32,21 @@ class NumberedFrame:
     number: int
     depth: Path
     color: Path | None
-    world_T_camera: NDArray[np.float64] | FormatError
+    world_T_camera: NDArray[np.float64] | HypermapError
 
     @property
     def stamp(self) -> float:
-        """Seconds since frame 0."""
-        return self.number / FRAME_RATE
+        """Seconds since frame 0, or since 1970 if the number is a time."""
+        return self.number / (_ticks_per_second(self.number) or FRAME_RATE)
 
     def pose(self, options: RecordingOptions) -> NDArray[np.float64]:
         """Return the camera's pose in the map, shape (4, 4).
 
         Raises:
+            FileMissing: If it has no file.
             FormatError: If its file does not contain one.
         """
-        if isinstance(self.world_T_camera, FormatError):
+        if isinstance(self.world_T_camera, HypermapError):
             raise self.world_T_camera
         return options.poses_in_map(self.world_T_camera)
 
@@ -97,7 +99,7 @@ class NumberedRecording(ImageFolder):
                 "without them no objects can be detected"
             )
         frames, duration, image_size = 0, 0.0, None
-        notes = [f"stamps are frame numbers at {FRAME_RATE:g} Hz"]
+        notes = [_note_on_stamps(self._files.depth)]
         if self._options.map_T_world is None:
             notes.append("the world is taken as level, z up; if it is not, give --world-transform")
         needs = ("_poses", "_frames", "_camera", "_color_camera", "_registration")
@@ -157,7 +159,7 @@ class NumberedRecording(ImageFolder):
             )
             lost += left
         wrong = [frame.world_T_camera for frame in frames]
-        broken = [error for error in wrong if isinstance(error, FormatError)]
+        broken = [error for error in wrong if isinstance(error, HypermapError)]
         if frames and len(broken) == len(frames):
             raise broken[0]
         if not frames:
@@ -218,11 +220,22 @@ class NumberedRecording(ImageFolder):
         return intrinsics.camera(width, height)
 
 
+def _ticks_per_second(number: int) -> float | None:
+    """Return in how many parts of a second a number counts from 1970; None if it does not."""
+    return next((ticks for ticks in (1e9, 1e6, 1e3) if number > EARLIEST * ticks), None)
+
+
+def _note_on_stamps(numbers: Iterable[int]) -> str:
+    if all(map(_ticks_per_second, numbers)):
+        return "stamps are the times in the names of the files"
+    return f"stamps are frame numbers at {FRAME_RATE:g} Hz"
+
+
 def moved_in_time(
     frames: list[NumberedFrame], offset: float, max_gap: float
 ) -> tuple[list[NumberedFrame], int]:
     """Return frames with the poses `offset` [s] later, and how many are skipped without one."""
-    posed = [frame for frame in frames if not isinstance(frame.world_T_camera, FormatError)]
+    posed = [frame for frame in frames if not isinstance(frame.world_T_camera, HypermapError)]
     if not posed:
         return frames, 0
     poses = np.array([frame.world_T_camera for frame in posed])

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.errors import FormatError
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.recordings.layouts import FoundFiles
 from hypermap.recordings.options import nearest_rigid
 from hypermap.recordings.textfiles import parse_numbers, read_lines, read_matrix, words_of
 
 # As recorded, shape (4, 4); None where tracking was lost; or why it cannot be read.
-NumberedPose = NDArray[np.float64] | FormatError | None
+NumberedPose = NDArray[np.float64] | HypermapError | None
 
 
 def read_numbered_poses(files: FoundFiles) -> dict[int, NumberedPose]:
@@ -28,14 +28,21 @@ def read_numbered_poses(files: FoundFiles) -> dict[int, NumberedPose]:
     numbers = list(files.depth)
     if len(numbers) == len(poses):
         return dict(zip(numbers, poses, strict=True))
-    # Some images are absent, so their numbers count. Most data sets count from 0, some from 1.
-    return dict(enumerate(poses, start=1 if numbers[-1:] == [len(poses)] else 0))
+    # Some are absent, so the numbers of the images count.
+    return dict(enumerate(poses, start=_first_number(min(numbers), max(numbers), len(poses))))
+
+
+def _first_number(first: int, last: int, poses: int) -> int:
+    """Return whether numbers from `first` to `last` are from 0 on, as in most data sets, or 1."""
+    if first == 0 or last == poses - 1:
+        return 0
+    return int(first == 1 or last == poses)
 
 
 def _pose_in(path: Path) -> NumberedPose:
     try:
         return _rigid(read_matrix(path, 4), path)
-    except FormatError as error:
+    except (FileMissing, FormatError) as error:
         return error
 
 
