@@ -99,6 +99,11 @@ def test_a_file_that_is_no_spool_is_named(tmp_path: Path) -> None:
     (tmp_path / "text").write_text("this is no database, but a text that is long enough" * 9)
     with pytest.raises(HypermapError, match="text: cannot keep observations in this file"):
         Spool(tmp_path / "text")
+    with sqlite3.connect(tmp_path / "other") as other:
+        other.execute("CREATE TABLE mine (x)")
+    other.close()
+    with pytest.raises(HypermapError, match=r"other: .* a database of something else"):
+        Spool(tmp_path / "other")
     Spool(tmp_path / "schema").close()
     content = (tmp_path / "schema").read_bytes()
     (tmp_path / "schema").write_bytes(content.replace(b"PRIMARY KEY", b"PRIMARY KE\xff"))
@@ -283,6 +288,9 @@ def test_of_what_is_refused_the_newest_stays(tmp_path: Path) -> None:
     spool.set_aside(1, "reason 1")
     size = len(spool.refused()[0].content)
     spool.close()
+    with sqlite3.connect(tmp_path / "spool") as file:  # the length of a text has to be counted
+        assert file.execute("SELECT typeof(content) FROM refused").fetchone() == ("blob",)
+    file.close()
     spool = Spool(tmp_path / "spool", most_refused=3.5 * size / 1e6)
     dropped = [spool.set_aside(number, f"reason {number}") for number in range(1, 6)]
     assert [each.reason for each in spool.refused()] == ["reason 3", "reason 4", "reason 5"]
@@ -322,6 +330,7 @@ def test_what_was_refused_is_listed_sent_again_and_dropped(
     assert [item.name for item in pull(database, site).semantic()] == ["mug"]
     assert said(str(path), "2", "--drop")[:2] == (0, "1 part dropped\n")
     assert "number 2" in said(str(path), "2")[2]
+    assert said(str(path))[1] == "nothing that was refused is kept\n"
     assert "no such file" in said(f"{path}x")[2]
     assert "not both" in said(str(path), "--drop", "--resend", store)[2]
 
@@ -360,7 +369,11 @@ def test_what_another_connection_is_storing_is_stored_once(
 
 
 def test_what_a_library_fails_at_again_and_again_is_set_aside(
-    store: str, site: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    store: str,
+    site: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr("hypermap.fleet.store.spool._PATIENCE", 0.0)
     right = deliver
@@ -381,6 +394,11 @@ def test_what_a_library_fails_at_again_and_again_is_set_aside(
     spool.close()
     assert troubles[0] == f"RuntimeError: of a library; observations wait in {spool.path}"
     assert "set aside" in troubles[1]
+    with pytest.raises(SystemExit):
+        main(["refused", str(spool.path), "--resend", store])
+    captured = capsys.readouterr()
+    assert captured.out == "0 parts stored, 1 still refused\n"
+    assert "1: RuntimeError: of a library" in captured.err
 
 
 def test_what_waits_is_sent_by_the_next_run(

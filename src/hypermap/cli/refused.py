@@ -13,6 +13,8 @@ from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from hypermap.fleet.store.database import Database
     from hypermap.fleet.store.spool import Refused, Spool
 
@@ -104,6 +106,9 @@ def _is_sent(spool: Spool, part: Refused, database: Database) -> bool:
     except HypermapError as error:
         note(f"{part.number}: {error}")
         return False
+    except Exception as error:  # of a library below, for which it may have been set aside
+        note(f"{part.number}: {type(error).__name__}: {error}")
+        return False
     spool.forget(part)
     return True
 
@@ -113,13 +118,20 @@ def _show(spool: Spool, chosen: list[Refused], as_json: bool) -> None:
     if as_json:
         say_json({"refused": rows, "dropped": spool.dropped})
         return
+    if rows:
+        out().print(_table(rows))
+    else:
+        say("nothing that was refused is kept")
+    if spool.dropped:
+        say(f"{counted(spool.dropped, 'older part')} had to be dropped (live --refused-mb)")
+
+
+def _table(rows: list[dict[str, Any]]) -> Table:
     shown = table("number", "site", "robot", "objects", "kB", "reason", right=("number", "kB"))
     for row in rows:
         texts = [row["number"], row["site"], row["robot"], ", ".join(row["objects"]), row["kB"]]
         shown.add_row(*(printable(str(text), 40) for text in texts), printable(row["reason"], 300))
-    out().print(shown)
-    if spool.dropped:
-        say(f"{counted(spool.dropped, 'older part')} had to be dropped (live --refused-mb)")
+    return shown
 
 
 def _row(spool: Spool, part: Refused) -> dict[str, Any]:

@@ -56,7 +56,8 @@ _TABLES = (
     "CREATE TABLE IF NOT EXISTS refused (number INTEGER, part TEXT, reason TEXT NOT NULL, "
     "content TEXT NOT NULL, PRIMARY KEY (number, part))",
 )
-# All that is refused but the newest, and the newest that fit into so many bytes.
+# All that is refused but the newest, and the newest that fit into so many bytes. What is refused is
+# stored as BLOB, whose length SQLite knows without reading it.
 _DROP_OLDEST = """DELETE FROM refused WHERE rowid IN (
     SELECT rowid FROM (SELECT rowid, row_number() OVER newest AS place,
         sum(length(content)) OVER newest AS total FROM refused
@@ -153,13 +154,13 @@ class Spool:
         """
         if part is None:
             self._do(
-                "INSERT OR REPLACE INTO refused SELECT number, '', ?, content FROM waiting "
-                "WHERE number = ?",
+                "INSERT OR REPLACE INTO refused SELECT number, '', ?, CAST(content AS BLOB) "
+                "FROM waiting WHERE number = ?",
                 *(reason, number),
             )
         else:
             self._do(
-                "INSERT OR REPLACE INTO refused VALUES (?, ?, ?, ?)",
+                "INSERT OR REPLACE INTO refused VALUES (?, ?, ?, CAST(? AS BLOB))",
                 *(number, str(part.id), reason, _dump(part)),
             )
         dropped = len(self._do(_DROP_OLDEST, self._most_refused))
@@ -223,6 +224,9 @@ def _open(path: Path) -> sqlite3.Connection:
         file = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
         closing.callback(file.close)
         file.execute("PRAGMA synchronous = FULL")
+        names = {name for (name,) in file.execute("SELECT name FROM sqlite_master")}
+        if names and "waiting" not in names:
+            raise sqlite3.DatabaseError("it is a database of something else")
         for statement in _TABLES:
             file.execute(statement)
         closing.pop_all()
