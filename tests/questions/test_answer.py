@@ -123,6 +123,7 @@ def test_which_objects_are_found(flat: Hypermap, question: str, found: list[int]
         ("which room is the couch in?", "couch 5 in kitchen"),
         ("where are the chairs and cups?", "cup 1, mug 2, chair 3, ..."),
         ("how many chairs are there?", "2"),
+        ("how many things are in each room?", "5 in hall, 1 in kitchen"),
         ("is there a couch in the hall?", "no"),
         ("which rooms have a chair?", "hall"),
         ("where is the piano?", "none; there is no piano in the map"),

@@ -80,17 +80,23 @@ class Answer:
         elif self.query.give == "count" and not self.query.counts_each_room:
             said = str(self.count)
         else:
-            names = [f"{item.object.name} {item.object.id}" for item in self.first(_SHOWN)]
-            rooms = ["no room" if room is None else room.name for room in self.rooms[:_SHOWN]]
-            if self.query.give == "room":
-                names = [f"{name} in {room}" for name, room in zip(names, rooms, strict=True)]
-            elif self.query.asks_rooms:
-                names = rooms
-            names += [str(cell.label) for cell in self.cells[:_SHOWN]]
-            more = ", ..." if self.count > _SHOWN else ""
-            said = ", ".join(names) + more if names else "none"
+            names, of = self._shown()
+            said = ", ".join(names[:_SHOWN]) + (", ..." if of > _SHOWN else "") or "none"
         notes = "".join(f"; {note}" for note in self.notes)
         return f"<Answer: {said}{notes}>"
+
+    def _shown(self) -> tuple[list[str], int]:
+        """Return the names of the first things that were found, and the number of all."""
+        rooms = ["no room" if room is None else room.name for room in self.rooms]
+        if self.query.counts_each_room:
+            counts = zip(rooms, self.counts, strict=True)
+            return [f"{count} in {room}" for room, count in counts], len(rooms)
+        if self.query.asks_rooms:
+            return rooms, len(rooms)
+        names = [f"{item.object.name} {item.object.id}" for item in self.first(_SHOWN)]
+        if self.query.give == "room":
+            names = [f"{name} in {room}" for name, room in zip(names, rooms, strict=False)]
+        return [*names, *(str(cell.label) for cell in self.cells)], self.count
 
     @cached_property
     def objects(self) -> tuple[FoundObject, ...]:
