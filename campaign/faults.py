@@ -80,7 +80,6 @@ class Outcome:
 def in_a_process(work: Callable[[], Any], prepare: Callable[[], Any] = lambda: None) -> Outcome:
     """Do something in a process that is forked for it; `prepare` comes first, and must succeed."""
     with tempfile.TemporaryFile() as kept:
-        gc.freeze()  # else the child's collector looks at all objects, and copies their memory
         child = os.fork()
         if child == 0:
             _be_the_child(work, prepare, kept.fileno())
@@ -93,6 +92,7 @@ def in_a_process(work: Callable[[], Any], prepare: Callable[[], Any] = lambda: N
 
 
 def _be_the_child(work: Callable[[], Any], prepare: Callable[[], Any], kept: int) -> None:
+    gc.freeze()  # else the collector looks at all objects, and copies their memory
     from hypermap import HypermapError
 
     counted: Any = None
