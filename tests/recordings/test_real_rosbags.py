@@ -33,7 +33,7 @@ RECORDERS: list[tuple[Any, ...]] = [  # file, signal that ends it, options
     ("plain.bag", signal.SIGINT),
     ("bz2.bag", signal.SIGINT, "--bz2"),
     ("lz4.bag", signal.SIGINT, "--lz4"),
-    ("parts/desk", signal.SIGINT, "--split", "--size=4"),
+    ("parts/desk", signal.SIGINT, "--split", "--size=2"),
     ("killed.bag", signal.SIGKILL),
 ]
 ROS_PYTHON = "/usr/bin/python3"  # ROS lives in the system's Python, not in ours
