@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+
 import pytest
 from prompt_toolkit.application import create_app_session
 from prompt_toolkit.completion import CompleteEvent
@@ -17,12 +19,20 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.testing import square
 
+from ..prepared import Command
 from .conftest import INTRINSICS, assert_one_error
 
 
 def test_lines_from_standard_input_are_answered_until_its_end(hypermap, room_map):
     result = hypermap("shell", room_map, stdin='getLayerCount\n\ngetCoords semantic "potted plant"')
     assert (result.code, result.out, result.err) == (0, "2\n7.500 2.500\n", "")
+
+
+def test_lines_come_through_a_pipe(room_map):
+    with Command("shell", room_map, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as shell:
+        shell.stdin.write("getLayerCount\nfly\ngetLayerCount")
+        assert shell.communicate(240)[0] == "2\n2\n"
+    assert shell.returncode == 2
 
 
 @pytest.mark.parametrize("word", ["exit", "quit"])
