@@ -28,6 +28,8 @@ from pathlib import Path
 from typing import IO, Any
 
 _PROGRAM = Path(__file__).with_name("prepared_program.py")
+# Of the process that all tests copy: none that a test has set. Threads would be missing in copies.
+_ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 _STARTED = struct.Struct("i")
 _GRACE = 5.0  # seconds in which a copy says that it runs, though the original is gone
 
@@ -244,7 +246,8 @@ def _start(listening: socket.socket, packages: tuple[str, ...]) -> None:
         pass_fds=[listening.fileno()],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # threads would be missing in copies
+        cwd=_PROGRAM.parent,
+        env=_ENVIRONMENT,
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
