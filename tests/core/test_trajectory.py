@@ -149,6 +149,15 @@ def test_the_trajectory_knows_where_it_can_answer() -> None:
     assert trajectory().covers(stamps).tolist() == expected
 
 
+def test_stamps_that_were_rounded_to_microseconds_are_covered() -> None:
+    stamps = [1 / 6, 1 / 3, 5 + 1 / 6, 5 + 1 / 3]  # of which the first is rounded up
+    rounded = Trajectory(
+        np.round(stamps, 6), np.arange(12.0).reshape(4, 3), np.array([STRAIGHT] * 4), max_gap=1.0
+    )
+    assert rounded.covers(stamps).all()
+    np.testing.assert_allclose(rounded.at(stamps)[:, 0, 3], [0, 3, 6, 9], atol=1e-5)
+
+
 @pytest.mark.parametrize("stamp", [9.9, 13.1, 30.1, np.nan])
 def test_no_pose_is_made_up(stamp: float) -> None:
     with pytest.raises(FrameError) as caught:

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from hypermap.core.errors import FrameError
 
+_ROUNDED = 1e-6  # seconds by which a stamp may be off, as files round it
+
 
 def pose_matrix(position: ArrayLike, quat_xyzw: ArrayLike) -> NDArray[np.float64]:
     """Return rigid transforms from positions (..., 3) [m] and quaternions (..., 4).
@@ -171,15 +173,15 @@ class Trajectory:
         _unit(self.quats_xyzw)
 
     def covers(self, stamps: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether a pose can be interpolated at each stamp, shape (M,)."""
+        """Return whether a pose can be interpolated at each stamp, shape (M,), or 1 us beside."""
         t = np.atleast_1d(np.asarray(stamps, dtype=np.float64))
         after = np.clip(np.searchsorted(self.stamps, t), 1, max(len(self.stamps) - 1, 1))
-        inside = (t >= self.stamps[0]) & (t <= self.stamps[-1])
+        inside = (t >= self.stamps[0] - _ROUNDED) & (t <= self.stamps[-1] + _ROUNDED)
         if len(self.stamps) == 1:
             return np.asarray(inside)
         gap = self.stamps[after] - self.stamps[after - 1]
-        exact = (t == self.stamps[after]) | (t == self.stamps[after - 1])
-        return np.asarray(inside & ((gap <= self.max_gap) | exact))
+        off = np.minimum(np.abs(t - self.stamps[after]), np.abs(t - self.stamps[after - 1]))
+        return np.asarray(inside & ((gap <= self.max_gap) | (off <= _ROUNDED)))
 
     def at(self, stamps: ArrayLike) -> NDArray[np.float64]:
         """Return the poses at stamps of shape (M,), as matrices of shape (M, 4, 4).
@@ -196,6 +198,7 @@ class Trajectory:
             )
         if len(self.stamps) == 1:
             return np.repeat(pose_matrix(self.positions, self.quats_xyzw), len(t), axis=0)
+        t = np.clip(t, self.stamps[0], self.stamps[-1])
         i = np.clip(np.searchsorted(self.stamps, t), 1, len(self.stamps) - 1)
         t0, t1 = self.stamps[i - 1], self.stamps[i]
         weight = ((t - t0) / (t1 - t0))[:, np.newaxis]
