@@ -25,6 +25,7 @@ pytestmark = pytest.mark.xdist_group("page")
 
 MONDAY = 1_779_112_920.0  # 2026-05-18 14:02 UTC, a Monday
 WEDNESDAY = "2026-05-20T09:30:00Z"
+ABROAD = {"timezone_id": "UTC", "locale": "de-DE"}  # the page speaks English anywhere
 
 
 def a_room() -> Hypermap:
@@ -76,13 +77,10 @@ def either(
         assert window.complaints == []
 
 
-@pytest.fixture
-def window(browser: Browser, url: str) -> Iterator[Window]:
-    options = {"timezone_id": "UTC", "locale": "de-DE"}  # the page speaks English anywhere
-    with a_window(browser, url, **options) as window:
-        window.look_at(5, 4, METRES_PER_PIXEL)
+@pytest.fixture(scope="module")
+def empty_window(browser: Browser) -> Iterator[Window]:
+    with a_window(browser, None, **ABROAD) as window:
         yield window
-        assert window.complaints == []
 
 
 def fill(page: Page, **fields: str) -> None:
@@ -156,9 +154,18 @@ def test_of_an_unknown_name_the_page_offers_those_that_may_be_meant(either: Wind
     expect(page.locator("#search")).to_have_value("desk")
 
 
-def test_one_hit_shows_its_facts_at_once_in_words_and_units(window: Window) -> None:
-    page = window.page
-    page.clock.set_fixed_time(WEDNESDAY)
+@pytest.fixture
+def on_wednesday(browser: Browser, url: str) -> Iterator[Window]:
+    """A window of its own, as a clock that was set stays so."""
+    with a_window(browser, url, **ABROAD) as window:
+        window.look_at(5, 4, METRES_PER_PIXEL)
+        window.page.clock.set_fixed_time(WEDNESDAY)
+        yield window
+        assert window.complaints == []
+
+
+def test_one_hit_shows_its_facts_at_once_in_words_and_units(on_wednesday: Window) -> None:
+    window, page = on_wednesday, on_wednesday.page
     facts = page.locator("#panel dl.facts")
 
     def shown() -> dict[str, str]:

@@ -56,12 +56,12 @@ def url(path: Path) -> Iterator[str]:
 
 
 @pytest.fixture
-def window(browser: Browser, url: str) -> Iterator[Window]:
-    with a_window(browser, url) as window:
-        window.look_at(4.5, 2.5, METRES_PER_PIXEL)
-        yield window
-        # Chromium complains of refused questions, which some tests ask.
-        assert all("400 (Bad Request)" in text for text in window.complaints)
+def window(empty_window: Window, url: str) -> Iterator[Window]:
+    empty_window.load(url)
+    empty_window.look_at(4.5, 2.5, METRES_PER_PIXEL)
+    yield empty_window
+    # Chromium complains of refused questions, which some tests ask.
+    assert all("400 (Bad Request)" in text for text in empty_window.complaints)
 
 
 def find_path(window: Window, start: tuple[float, float], goal: tuple[float, float]) -> None:
