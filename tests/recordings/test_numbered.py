@@ -186,7 +186,7 @@ def rewrite(name: str, text: str) -> Callable[[Path], object]:
             write_replica,
             rewrite("traj.txt", "1 0 0 0\n"),
             FormatError,
-            "{}/traj.txt: expected 16 numbers in each line, row by row of a 4 x 4 matrix",
+            "{}/traj.txt: line 1: expected 16 numbers in each line, row by row of a 4 x 4 matrix",
         ),
         (
             write_replica,
@@ -204,10 +204,17 @@ def rewrite(name: str, text: str) -> Callable[[Path], object]:
         ),
         (
             write_redwood,
+            rewrite("scene/trajectory.log", "0 0 1\n" + "1 0 0 0\n" * 4 + "1 1 2\n1 0 0\n"),
+            FormatError,
+            "{}/scene/trajectory.log: line 7: expected groups of three numbers and four rows of "
+            "four, row by row of a 4 x 4 matrix",
+        ),
+        (
+            write_redwood,
             rewrite("scene/trajectory.log", "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n"),
             FormatError,
-            "{}/scene/trajectory.log: expected groups of three numbers and four rows of four, row "
-            "by row of a 4 x 4 matrix",
+            "{}/scene/trajectory.log: line 4: expected groups of three numbers and four rows of "
+            "four, row by row of a 4 x 4 matrix",
         ),
         (
             write_redwood,

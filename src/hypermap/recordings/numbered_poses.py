@@ -51,14 +51,18 @@ def _poses_in(path: Path) -> list[NumberedPose]:
 
     Source of the second format: Choi et al., CVPR 2015 (Redwood), as Open3D writes it.
     """
-    rows = [parse_numbers(words_of(text), path, key) for key, text in read_lines(path)]
+    lines = [(key, parse_numbers(words_of(text), path, key)) for key, text in read_lines(path)]
     if path.suffix == ".log":
         lengths, expected = [3, 4, 4, 4, 4], "groups of three numbers and four rows of four"
     else:
         lengths, expected = [16], "16 numbers in each line"
     count = len(lengths)
-    if not rows or [len(row) for row in rows] != lengths * (len(rows) // count):
-        raise FormatError(f"expected {expected}, row by row of a 4 x 4 matrix", path=path)
+    wrong = [key for i, (key, row) in enumerate(lines) if len(row) != lengths[i % count]]
+    if wrong or not lines or len(lines) % count:
+        place = wrong[0] if wrong else lines[-1][0] if lines else None
+        what = f"expected {expected}, row by row of a 4 x 4 matrix"
+        raise FormatError(what, path=path, key=place)
+    rows = [row for _, row in lines]
     poses = [np.concatenate(rows[i : i + count])[-16:] for i in range(0, len(rows), count)]
     return [_rigid_or_error(pose.reshape(4, 4), path) for pose in poses]
 
