@@ -20,18 +20,21 @@ from hypermap.perception.region_growing.smooth_windows import fit_smooth
 from hypermap.perception.region_growing.unorganised import normals_of
 
 CAMERA = Camera.from_intrinsics(60, 60, 19.5, 14.5, 40, 30)
+WIDE = Camera.from_intrinsics(60, 60, 49.5, 14.5, 100, 30)
 FOCAL = 60.0, 60.0
 K = 50
 
 
-def cloud_of(depth: NDArray[np.floating]) -> NDArray[np.float32]:
-    return RgbdFrame(0.0, depth.astype(np.float32), CAMERA, np.eye(4)).points()
+def cloud_of(depth: NDArray[np.floating], camera: Camera = CAMERA) -> NDArray[np.float32]:
+    return RgbdFrame(0.0, depth.astype(np.float32), camera, np.eye(4)).points()
 
 
-def tilted_plane(normal: tuple[float, float, float]) -> NDArray[np.float32]:
+def tilted_plane(
+    normal: tuple[float, float, float], camera: Camera = CAMERA
+) -> NDArray[np.float32]:
     """Return the cloud of a plane two meters in front of the camera."""
-    rays = cloud_of(np.ones((30, 40))).astype(float)
-    return cloud_of(2.0 * normal[2] / (rays @ np.array(normal)))
+    rays = cloud_of(np.ones((camera.height, camera.width)), camera).astype(float)
+    return cloud_of(2.0 * normal[2] / (rays @ np.array(normal)), camera)
 
 
 def rough_cloud(seed: int, holes: float = 0.0) -> NDArray[np.float32]:
@@ -44,8 +47,10 @@ def rough_cloud(seed: int, holes: float = 0.0) -> NDArray[np.float32]:
     return cloud_of(depth)
 
 
-def padded(points: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
-    frame = RgbdFrame(0.0, points[..., 2], CAMERA, np.eye(4), cloud=points)
+def padded(
+    points: NDArray[np.float32], valid: NDArray[np.bool_], camera: Camera = CAMERA
+) -> NDArray[np.float32]:
+    frame = RgbdFrame(0.0, points[..., 2], camera, np.eye(4), cloud=points)
     return planes_of(rows_of(frame.depth, frame.camera.K, frame.cloud), valid, 0, 0, *valid.shape)
 
 
@@ -76,9 +81,9 @@ def test_the_normals_of_a_plane_are_its_normal_everywhere(slope: tuple[float, fl
 @pytest.mark.parametrize("k", [5, 841])  # about the smallest and largest windows
 def test_the_windows_of_a_plane_are_as_large_as_k(k: int) -> None:
     normal = np.array([0.3, 0.2, 1.0]) / np.linalg.norm([0.3, 0.2, 1.0])
-    points = tilted_plane(tuple(normal))
+    points = tilted_plane(tuple(normal), WIDE)  # more than pixels are processed at a time
     valid = np.isfinite(points[..., 2])
-    planes, wanted = padded(points, valid), np.pad(valid, MARGIN)
+    planes, wanted = padded(points, valid, WIDE), np.pad(valid, MARGIN)
     half = round((np.sqrt(k) - 1) / 2)
     fx, fy = np.float32(FOCAL)
     normals, _, _, rough = fit_smooth(planes, wanted, np.float32(k), (0,) * half, fx, fy)
