@@ -102,6 +102,8 @@ def test_drives_whose_clocks_begin_again_are_hours_apart_unless_they_are_one() -
 
     first = map_recording(drive(0.0, 3), boxes, CONFIG)
     assert last_seen(drive(0.0, 6), first) == 5  # the rest of the same drive
+    begins_alike = Frames([*drive(0.0, 1).items, *drive(0.5, 6).items], path=Path("second"))
+    assert last_seen(begins_alike, first) == 2 + 7200 + 4  # its second frame is where the first was
     assert last_seen(drive(100.0, 6), first) == 105  # the clock goes on
     assert last_seen(drive(0.5, 6), first) == 2 + 7200 + 5
     twice = Frames([*drive(0.5, 6).items, *drive(0.0, 3).items])  # of two recordings

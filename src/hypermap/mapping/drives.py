@@ -98,15 +98,21 @@ class EarlierDrives:
                 return drive
         return None
 
-    def offset_of(self, stamp: float) -> float:
+    def offset_of(self, stamp: float, name: str = "", repeated: Drive | None = None) -> float:
         """Return the offset of a new drive, from its stamps to the map's time [s].
 
         Its clock began again if the map has a later time already; then the drive comes hours later.
-        A clock that counts from 1970 is right, whatever the order of the drives.
+        A clock that counts from 1970 is right, whatever the order of the drives. A drive that
+        repeats another one is the same, but not if only the beginning is, as in simulators that
+        begin alike.
 
         Args:
             stamp: of the drive's first frame that the map does not contain [s].
+            name: of the drive.
+            repeated: the drive to which frames before that belong; None if there are none.
         """
+        if repeated is not None and (name == repeated.name or stamp > repeated.last):
+            return repeated.offset
         if stamp > EARLIEST or not self.drives or not all(d.has_no_clock for d in self.drives):
             return 0.0
         end, newest = max((drive.last + drive.offset, drive.offset) for drive in self.drives)

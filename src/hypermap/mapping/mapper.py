@@ -138,6 +138,7 @@ class Mapper:
         self._left_out = LeftOutFrames()
         self._drive = Drive(drive)
         self._earlier = EarlierDrives()
+        self._repeated: Drive | None = None  # the earlier drive of the last repeated frame
         self._counts_before = Counts()
         self._base = Hypermap()  # the map that this one continues
         self._frame_log = FrameLog()
@@ -261,8 +262,7 @@ class Mapper:
         if (reason := why_unusable(frame)) is not None:
             self.leave_out(frame.stamp, reason)
         elif (drive := self._earlier.with_frame(frame)) is not None:
-            if not self._drive.keys:
-                self._drive.offset = drive.offset
+            self._repeated = drive
             self.keyframes.repeat(frame.map_T_camera, frame.stamp)
             self._count(repeated=1)
         elif not self.keyframes.accept(frame.map_T_camera, frame.stamp):
@@ -273,9 +273,10 @@ class Mapper:
 
     def _offset(self, frame: RgbdFrame) -> float:
         """Return the offset from the stamps of this drive to the map's time [s]."""
-        if not self._drive.keys and not self.counts.repeated:
-            self._drive.offset = self._earlier.offset_of(frame.stamp)
-        return self._drive.offset
+        drive = self._drive
+        if not drive.keys:
+            drive.offset = self._earlier.offset_of(frame.stamp, drive.name, self._repeated)
+        return drive.offset
 
     def _fuse(self, stamp: float, perceived: Perceived) -> bool:
         """Add what a frame shows to both layers, or to none; return whether it was possible."""
