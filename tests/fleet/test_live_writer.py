@@ -301,6 +301,12 @@ def test_of_what_is_refused_the_newest_stays(tmp_path: Path) -> None:
     tight.close()
 
 
+@pytest.mark.parametrize("size", [float("nan"), float("inf"), -1.0])
+def test_what_is_refused_has_a_size(tmp_path: Path, size: float) -> None:
+    with pytest.raises(HypermapError, match=r"cannot fill .* MB; --refused-mb is 0 or more"):
+        Spool(tmp_path / "spool", most_refused=size)
+
+
 def test_what_was_refused_is_listed_sent_again_and_dropped(
     store: str, database: Database, site: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -13,6 +13,7 @@ import base64
 import contextlib
 import json
 import logging
+import math
 import sqlite3
 import threading
 import uuid
@@ -103,10 +104,16 @@ class Spool:
         most_refused: how much of what a store refused stays [MB]; the oldest is dropped.
 
     Raises:
-        HypermapError: If the file cannot be opened, or is not a spool.
+        HypermapError: If the file cannot be opened, or is not a spool, or if nothing can be as
+            large as `most_refused`.
     """
 
     def __init__(self, path: Path, most_refused: float = MOST_REFUSED_MB) -> None:
+        if not 0 <= most_refused < math.inf:
+            raise HypermapError(
+                f"{path}: what the store refuses cannot fill {most_refused:g} MB; "
+                "--refused-mb is 0 or more"
+            )
         self.path = path
         self._most_refused = int(most_refused * 1e6)
         self._lock = threading.Lock()
