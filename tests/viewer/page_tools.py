@@ -90,7 +90,10 @@ def forget(page: Page) -> None:
     page.mouse.move(-1, -1)
     if page.url != "about:blank":
         page.evaluate("() => { localStorage.clear(); sessionStorage.clear(); }")
-        page.goto("about:blank")  # else the page of before asks its server, which may have ended
+        # Else the page of before asks its server, which may have ended. It goes by itself, as the
+        # browser would take another process for that, which has to prepare the program anew.
+        page.evaluate("() => location.replace('about:blank')")
+        page.wait_for_url("about:blank")
     page.context.clear_cookies()
 
 
