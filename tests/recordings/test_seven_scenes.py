@@ -82,8 +82,8 @@ def test_frames_without_tracking_or_an_image_are_counted(folder: Path) -> None:
     [frame] = recording.frames()
     assert frame.stamp == 3 / 30
     assert recording.info().notes[2:] == (
-        "1 frames lack an image or a pose and are left out",
-        "2 frames have no pose (tracking was lost) and are left out",
+        "left out, without an image or a pose: 1 frame",
+        "left out, without a pose (tracking was lost): 2 frames",
     )
 
 

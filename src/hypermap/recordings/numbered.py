@@ -21,6 +21,7 @@ from hypermap.recordings.layouts import POSES_USE, FoundFiles, Layout
 from hypermap.recordings.numbered_poses import NumberedPose, read_numbered_poses
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.problems import problems_of
+from hypermap.text import counted
 
 FRAME_RATE = 30.0  # frames per second; the files carry no times
 
@@ -170,12 +171,13 @@ class NumberedRecording(ImageFolder):
             )
         notes = []
         if incomplete:
-            notes.append(f"{incomplete} frames lack an image or a pose and are left out")
+            notes.append(f"left out, without an image or a pose: {counted(incomplete, 'frame')}")
         if broken:
             notes.append(f"poses that cannot be read: {len(broken)}, the first is {broken[0]}")
         if lost:
             past = ", or --time-offset leads past them" if self._options.time_offset else ""
-            notes.append(f"{lost} frames have no pose (tracking was lost{past}) and are left out")
+            number = counted(lost, "frame")
+            notes.append(f"left out, without a pose (tracking was lost{past}): {number}")
         return tuple(frames[:: self._options.every]), tuple(notes)
 
     @cached_property
