@@ -125,7 +125,11 @@ def test_a_folder_without_images_does_not_hide_another_one_with_them(tmp_path: P
     folder = write_redwood(tmp_path / "scene", SHOTS)
     (folder / "color").rename(folder / "rgb")
     (folder / "color").mkdir()
-    assert_shows(next(open_recording(folder).frames()), SHOTS[0])
+    for path in (folder / "rgb").iterdir():
+        path.rename(path.with_suffix(".PNG"))
+    recording = open_recording(folder)
+    assert_shows(next(recording.frames()), SHOTS[0])
+    assert ("rgb/*.PNG", 4) in [(stream.name, stream.count) for stream in recording.info().streams]
 
 
 @pytest.mark.parametrize("ticks", [10**3, 10**6, 10**9])

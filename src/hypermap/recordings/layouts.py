@@ -12,7 +12,7 @@ from pathlib import Path
 from hypermap.perception.recording import Stream
 
 POSES_USE = "where each image was taken"
-_NUMBER = re.compile(r"\d+((?:\.[a-z]+)+)$")
+_NUMBER = re.compile(r"\d+((?:\.[A-Za-z]+)+)$")
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,10 @@ _REPLICA = Layout(
 )
 _FOLDERS = Layout(
     "numbered images",
-    Files(("depth",), re.compile(r"(\d+)\.png"), "depth/*.png"),
-    Files(("color", "rgb", "image"), re.compile(r"(\d+)\.(?:jpg|jpeg|png)"), "color/*.jpg or .png"),
+    Files(("depth",), re.compile(r"(?i)(\d+)\.png"), "depth/*.png"),
+    Files(
+        ("color", "rgb", "image"), re.compile(r"(?i)(\d+)\.(?:jpe?g|png)"), "color/*.jpg or .png"
+    ),
     Files(("pose", "poses"), re.compile(r"(\d+)\.txt"), "pose/*.txt"),
     ("traj.txt", "trajectory.log", "scene/trajectory.log"),
 )
