@@ -176,8 +176,8 @@ class NumberedRecording(ImageFolder):
             notes.append(f"poses that cannot be read: {len(broken)}, the first is {broken[0]}")
         if lost:
             past = ", or --time-offset leads past them" if self._options.time_offset else ""
-            number = counted(lost, "frame")
-            notes.append(f"left out, without a pose (tracking was lost{past}): {number}")
+            many = counted(lost, "frame")
+            notes.append(f"left out, without a pose (tracking was lost{past}): {many}")
         return tuple(frames[:: self._options.every]), tuple(notes)
 
     @cached_property
