@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import array
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -44,6 +46,30 @@ def test_two_messages_share_nothing():
     one.objects.append(1)
     one.header.frame_id = "map"
     assert (other.objects, other.header.frame_id) == ([], "")
+
+
+THREADS = """
+import threading
+from hypermap.ros.typestore import decode, encode, message_class
+
+start, found = threading.Barrier(8), []
+
+def make():
+    start.wait()
+    message = message_class("hypermap_msgs/SemanticMap")()
+    found.append((type(message), decode(encode(message), type(message)) == message))
+
+threads = [threading.Thread(target=make) for _ in range(8)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+assert len(set(found)) == 1 and found[0][1], found
+"""
+
+
+def test_threads_that_need_a_type_at_once_get_the_same():
+    subprocess.run([sys.executable, "-c", THREADS], check=True, timeout=120)
 
 
 def test_a_misspelt_field_is_an_error():

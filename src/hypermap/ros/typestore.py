@@ -7,6 +7,7 @@ made by `cls()` or `cls(field=value)` and filled by assignment. A service is a p
 from __future__ import annotations
 
 import dataclasses
+import threading
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
@@ -63,9 +64,18 @@ _SCALARS = {"string": str, "wstring": str, "bool": bool, "float32": float, "floa
 _DTYPES = {"bool": "?", "byte": "u1", "char": "u1", "octet": "u1"}
 
 
-@cache
+# Two threads that need a type for the first time would make it twice, and mix up both.
+_MAKING = threading.RLock()
+
+
 def typestore() -> Typestore:
     """Return the types, named as "nav_msgs/msg/GetMap_Request"."""
+    with _MAKING:
+        return _typestore()
+
+
+@cache
+def _typestore() -> Typestore:
     store = get_typestore(Stores.ROS2_JAZZY)
     texts = {**DETECTION_TYPES, **_MESSAGES}
     services = dict(_SERVICES)
@@ -181,9 +191,14 @@ class _Message:
     __hash__ = None  # type: ignore[assignment]
 
 
-@cache
 def _class(name: str) -> type[Any]:
     """Return the class of a type, instead of the one of rosbags, which has no defaults."""
+    with _MAKING:
+        return _made_class(name)
+
+
+@cache
+def _made_class(name: str) -> type[Any]:
     store = typestore()
     if name not in store.types:
         known = [other.replace("/msg/", "/") for other in store.types]
