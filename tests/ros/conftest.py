@@ -74,6 +74,31 @@ def wait_for(condition: Callable[[], Any], what: str, timeout: float = 120.0) ->
     pytest.fail(f"no {what} after {timeout:g} s")
 
 
+def wait_for_listener(publisher: Any, what: str) -> None:
+    """Wait until somebody listens to a publisher of rospy, and announce it again meanwhile.
+
+    The master tells of publishers in threads of its own. So the last that a listener hears may be
+    that the publisher of the test before has gone, and it leaves this one, too.
+    """
+    import rosgraph
+    import rospy
+
+    master = rosgraph.Master(rospy.get_name())
+    announced = time.monotonic()
+
+    def is_heard() -> bool:
+        nonlocal announced
+        if publisher.get_num_connections() > 0:
+            return True
+        if time.monotonic() > announced + 5:
+            announced = time.monotonic()
+            name, kind = publisher.resolved_name, publisher.type
+            master.registerPublisher(name, kind, rospy.get_node_uri())
+        return False
+
+    wait_for(is_heard, what)
+
+
 HYPERMAP = [sys.executable, "-m", "hypermap"]
 ROS1_TOOLS = ("roslaunch", "rosmsg", "rosnode", "rosparam", "rosservice", "rostopic")
 # What nodes import. Others, as matplotlib, can abort a process at whose end threads still run, as

@@ -17,7 +17,7 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import save_map
 from hypermap.testing import occupancy_from_text, square
 
-from .conftest import wait_for
+from .conftest import wait_for, wait_for_listener
 
 # The lab's frame stands at (10, 0) in the map, turned left by 90 degrees:
 # (x, y) in the lab is (10 - y, x) in the map.
@@ -111,7 +111,7 @@ class Client:
         made = self.rospy.Publisher(
             name, self.messages.message_class(type_name), latch=latch, queue_size=10
         )
-        wait_for(made.get_num_connections, f"a listener of {name}")
+        wait_for_listener(made, f"a listener of {name}")
         return made
 
     def point(self, x: float, y: float, frame: str = "", stamp: Any = None) -> Any:

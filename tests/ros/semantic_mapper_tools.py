@@ -27,7 +27,7 @@ from hypermap.ros.ros1.messages import message_class
 from hypermap.simulation import SimulatedRecording, demo_world
 
 from . import live_camera as camera
-from .conftest import wait_for
+from .conftest import wait_for, wait_for_listener
 
 START = 1_600_000_000  # s; ROS takes a stamp of 0 for none
 RAW = {"depth_topic": camera.DEPTH, "detections_topic": camera.DARKNET, "tf_timeout": 10.0}
@@ -70,7 +70,7 @@ class Camera:
 
     def wait_for_listeners(self) -> None:
         for topic, publisher in self._publishers.items():
-            wait_for(publisher.get_num_connections, f"a listener on {topic}")
+            wait_for_listener(publisher, f"a listener on {topic}")
 
     def show(self, frame: RgbdFrame, *topics: str) -> None:
         """Publish what belongs to a frame, on all topics or on these."""
@@ -92,6 +92,9 @@ class Room:
         given.log = lambda level, text: self.lines.append((level, text))  # type: ignore[attr-defined]
         self.node = SemanticMapper(given)  # type: ignore[arg-type]
         self.camera = Camera(rospy, camera.TF, *topics)
+
+    def begin(self) -> None:
+        """Let the node work, and wait until it hears the camera."""
         self.node.configure()
         self.node.activate()
         self.camera.wait_for_listeners()
@@ -164,7 +167,8 @@ def room(rospy: Any, port: Any) -> Iterator[Callable[..., Room]]:
 
     def make(*topics: str, **values: Any) -> Room:
         port.forget_transforms()  # of the test before
-        opened.append(Room(rospy, port, topics, values))
+        opened.append(Room(rospy, port, topics, values))  # closed even if it cannot begin
+        opened[-1].begin()
         return opened[-1]
 
     yield make

@@ -21,7 +21,7 @@ from hypermap.recordings import open_recording
 from hypermap.ros.ros1.messages import message_class
 
 from . import live_camera as camera
-from .conftest import wait_for
+from .conftest import wait_for, wait_for_listener
 from .semantic_mapper_tools import Camera, mapped, with_whole_pixels
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros")]
@@ -59,7 +59,7 @@ class Player:
         self._camera.wait_for_listeners()
         self._time = message_class("rosgraph_msgs/Clock")
         self._clock = rospy.Publisher("/clock", self._time, queue_size=10)
-        wait_for(self._clock.get_num_connections, "a listener of the clock")
+        wait_for_listener(self._clock, "a listener of the clock")
 
     @property
     def counts(self) -> dict[str, int]:

@@ -21,7 +21,7 @@ from hypermap.core.errors import FrameError, HypermapError, LayerNotFound
 from hypermap.ros.port import Parameter
 
 from ..roscore import free_port, roscore_command
-from .conftest import Process, wait_for
+from .conftest import Process, wait_for, wait_for_listener
 
 pytestmark = pytest.mark.xdist_group("ros")
 
@@ -247,7 +247,7 @@ def test_lookup_finds_what_others_publish(
         )
     np.testing.assert_allclose(port.lookup("lab", "map")[:3, 3], [-3, 0, 0])
     broadcaster = tf2_ros.TransformBroadcaster()
-    wait_for(lambda: broadcaster.pub_tf.get_num_connections() > 0, "a listener of /tf")
+    wait_for_listener(broadcaster.pub_tf, "a listener of /tf")
     moving = transform(port, "lab", "robot", 1.0)
     moving.header.stamp = rospy.Time(100)
     late = threading.Timer(0.3, lambda: broadcaster.sendTransform(moving))
