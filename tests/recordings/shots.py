@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from hypermap.core.errors import HypermapError
 from hypermap.perception.frame import RgbdFrame
+from hypermap.recordings import open_recording
 
 WIDTH, HEIGHT = 32, 24
 INTRINSICS = (26.0, 27.0, 15.5, 11.25)  # fx, fy, cx, cy
@@ -92,6 +95,14 @@ def write_seven_scenes(folder: Path, shots: list[Shot]) -> Path:
         Image.fromarray(shot.color).save(folder / f"frame-{i:06d}.color.png")
         np.savetxt(folder / f"frame-{i:06d}.pose.txt", shot.map_T_camera, fmt="%.10e")
     return folder
+
+
+def assert_broken(folder: Path, kind: type[HypermapError], message: str) -> None:
+    """Assert that a folder gives no frame, for one reason, which `info` tells, too."""
+    assert open_recording(folder).info().missing == (message,)
+    with pytest.raises(kind) as caught:
+        next(open_recording(folder).frames())
+    assert str(caught.value) == message
 
 
 def assert_shows(frame: RgbdFrame, shot: Shot) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -90,7 +90,7 @@ def color_intrinsics(folder: Path) -> Intrinsics | None:
     return None
 
 
-def _existing(folder: Path, names: tuple[str, ...] | list[str]) -> Iterator[Path]:
+def _existing(folder: Path, names: Sequence[str]) -> Iterator[Path]:
     # Of "." and "..", too, but not of what a link leads to.
     up = Path(os.path.abspath(folder)).parent  # noqa: PTH100
     places = (place / name for place in (folder, up) for name in names)
