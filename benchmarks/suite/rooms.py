@@ -17,10 +17,14 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from hypermap import GridGeometry, OccupancyLayer
-from hypermap.core.occupancy import FREE
+from hypermap.core.occupancy import FREE, OCCUPIED
+from hypermap.mapping import map_recording, profile
+from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.rooms import find_rooms
+from hypermap.simulation.levels import errors_of_level
+from hypermap.simulation.recording import SimulatedRecording
 from hypermap.simulation.truth import true_objects, true_occupancy, true_rooms
-from hypermap.simulation.world import built_in_world
+from hypermap.simulation.world import World, built_in_world
 from suite.race import Figure, Row, Settings
 
 SIDE = 0.05  # [m] of a cell
@@ -31,6 +35,8 @@ _OTHERS = {
     "empty": "MAORIS 0.854 / 0.871, DuDe 0.697 / 0.766, IPA Voronoi 0.698 / 0.865",
 }
 _WORLDS = ("demo", "lab", "office", "floor", "apartment", "building")
+_DRIVEN = ("apartment", "office", "building")
+_DRIVE = 14  # the seed of errors
 _ASKED = (0.92, 0.93)
 _SPEED = {1000: 1.0, 4000: 15.0}  # cells a side: seconds asked
 
@@ -55,6 +61,10 @@ def rows(settings: Settings) -> Iterator[Row]:
         pq, miou, found, true = _of_world(name)
         note = f"mIoU {miou:.3f}; {found} rooms found of {true}"
         yield Figure(f"simulated world {name}, furnished", (pq,), "PQ", note=note)
+    for name in _DRIVEN[:1] if settings.quick else _DRIVEN:
+        pq, miou, found, true = _of_drive(name)
+        note = f"mIoU {miou:.3f}; {found} rooms found of {true}; no occupancy map is given"
+        yield Figure(f"simulated world {name}, mapped by a drive", (pq,), "PQ", note=note)
     cells = _cells(folder / "office_b" / "furnished.png")
     for side, asked in _SPEED.items():
         if settings.quick and side > 1000:
@@ -84,14 +94,34 @@ def _of_world(name: str) -> tuple[float, float, int, int]:
     """Return the score on the true map of a simulated world, with its furniture."""
     world = built_in_world(name)
     layer = true_occupancy(world)
-    assert layer.grid is not None
+    rooms = find_rooms(layer, objects=true_objects(world))
+    assert rooms.cells is not None
+    return score(_true_labels(world, layer), rooms.cells + 1, layer.cells == FREE)
+
+
+def _of_drive(name: str) -> tuple[float, float, int, int]:
+    """Return the score on the map that a drive through a simulated world makes of its images."""
+    world = built_in_world(name)
+    drive = SimulatedRecording.with_errors(
+        world, errors_of_level("robot"), rate=1, seed=_DRIVE, has_occupancy=False
+    )
+    made = map_recording(drive, detections_from_recording(), profile("default"))
+    layer = made["occupancy"]
+    assert isinstance(layer, OccupancyLayer)
     assert layer.cells is not None
+    rooms = find_rooms(layer, objects=made.semantic().objects())
+    assert rooms.cells is not None
+    is_free: NDArray[np.bool_] = (layer.cells >= FREE) & (layer.cells < OCCUPIED / 2)
+    return score(_true_labels(world, layer), rooms.cells + 1, is_free)
+
+
+def _true_labels(world: World, layer: OccupancyLayer) -> NDArray[np.int64]:
+    """Return the true rooms of a world as labels of the cells of a layer, from 1."""
+    assert layer.grid is not None
     truth = np.zeros(layer.grid.shape, dtype=np.int64)
     for label, room in enumerate(true_rooms(world), start=1):
         truth[layer.grid.cells_in(room)] = label
-    rooms = find_rooms(layer, objects=true_objects(world))
-    assert rooms.cells is not None
-    return score(truth, rooms.cells + 1, layer.cells == FREE)
+    return truth
 
 
 def score(

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
@@ -19,6 +18,7 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OCCUPIED, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.rooms.doors import doors_between
+from hypermap.rooms.floor import with_unseen, without_obstacles, without_rays
 from hypermap.rooms.furniture import without_furniture
 from hypermap.rooms.kept import numbered
 from hypermap.rooms.kinds import Kinds, guess_kinds, load_kinds
@@ -32,10 +32,6 @@ from hypermap.rooms.watershed import basins, clearance, in_order, spread
 _NOISE = 0.15  # [m] how much a straight wall may appear bent
 _WALL = 0.5  # [m] shorter walls are not extended as a border of a room
 _DOOR = 1.6  # [m] a narrower passage may be a door even without corners of walls next to it
-_RAY = 0.3  # [m] free strips thinner than this and longer than wide come from single rays
-_CORNER = 0.3  # [m] so far from wider places it is a corner of these
-_LARGEST_FURNITURE = 2.5  # [m]; what is larger away from walls may be a place of its own
-_THICK = 0.6  # [m]; furniture may be; a wall between two doors is thinner
 _ALONG = np.linspace(0.15, 0.85, 9)  # where the sides of a line are sampled, from end to end
 _BESIDE = 2.0  # cells from a line to the places on either side of it
 _STRAIGHT = 1.5  # cells by which outlines are simplified, about
@@ -77,6 +73,7 @@ def find_rooms(
             f"layer {occupancy.name!r} has no free cell: rooms are free space between walls"
         )
     grid, objects = occupancy.grid, list(objects)
+    free = with_unseen(free, occupancy.cells < 0, grid.resolution)
     free = without_furniture(free, (item.footprint for item in objects), grid)
     found = _Found.of(free, grid.resolution, chosen)
     shapes = _outlines(found.labels, grid)
@@ -110,55 +107,16 @@ class _Found:
         """
         labels = np.zeros(free.shape, dtype=np.int32)
         walls = np.ones(free.shape, dtype=bool)
+        if not free.any():
+            return cls(labels, walls)
         rows, cols = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
         window = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
-        blocked = _without_obstacles(~free[window], side, settings.largest_obstacle)
-        inner = np.pad(_without_rays(blocked, side), 1, constant_values=True)
+        blocked = without_obstacles(~free[window], side, settings.largest_obstacle)
+        inner = np.pad(without_rays(blocked, side), 1, constant_values=True)
         cut = _cut(inner, side, settings)
         labels[window] = cut[1:-1, 1:-1]
         walls[window] = inner[1:-1, 1:-1]
         return cls(labels, walls)
-
-
-def _without_obstacles(blocked: BoolArray, side: float, largest: float) -> BoolArray:
-    """Return blocked cells without the groups that touch no border and are small, or furniture.
-
-    Args:
-        blocked: shape (height, width).
-        side: of a cell [m].
-        largest: size of a group that is removed whatever its form [m].
-    """
-    groups, _ = scipy.ndimage.label(blocked, np.ones((3, 3)))
-    boxes = scipy.ndimage.find_objects(groups)
-    is_obstacle = np.zeros(len(boxes) + 1, dtype=bool)
-    height, width = blocked.shape
-    for number, (rows, cols) in enumerate(boxes, start=1):
-        if rows.start > 0 and cols.start > 0 and rows.stop < height and cols.stop < width:
-            size = max(rows.stop - rows.start, cols.stop - cols.start) * side
-            is_obstacle[number] = size < largest or (
-                size < _LARGEST_FURNITURE and _is_thick(groups[rows, cols] == number, side)
-            )
-    return blocked & ~is_obstacle[groups]
-
-
-def _is_thick(group: BoolArray, side: float) -> bool:
-    """Return whether a square of the size of `_THICK` fits into a group of cells."""
-    cells = round(_THICK / side)
-    fits = scipy.ndimage.minimum_filter(group, cells, mode="constant", cval=0)
-    return bool(fits.any())
-
-
-def _without_rays(blocked: BoolArray, side: float) -> BoolArray:
-    """Return blocked cells, and with them what only rays of a sensor reach, as through a window.
-
-    Args:
-        blocked: shape (height, width).
-        side: of a cell [m].
-    """
-    thick = 2 * round(_RAY / 2 / side) + 1
-    corner = 2 * round(_CORNER / side)
-    wide = scipy.ndimage.minimum_filter(~blocked, thick, mode="constant", cval=0)
-    return blocked | ~scipy.ndimage.maximum_filter(wide, thick + corner, mode="constant", cval=0)
 
 
 def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.int32]:

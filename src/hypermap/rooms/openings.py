@@ -14,6 +14,7 @@ from hypermap.core.arrays import ObjectArray
 
 _TURN = math.radians(30)  # a corner that turns less is none
 _IN_LINE = math.radians(20)  # a wall that turns less continues across the gap
+_SUPPORT = 0.2  # of a line's length is the wall that continues in it at least
 _ACROSS = math.radians(75)  # less from a wall runs along that wall and is not a gap
 
 
@@ -27,7 +28,7 @@ def openings(area: Polygon, tolerance: float, longest: float, wall: float) -> ND
         area: the free space, any unit.
         tolerance: what of the walls is noise.
         longest: no line is longer.
-        wall: least length of a wall that continues in the line.
+        wall: least length of a wall that continues in a line; in a long one, it is a fifth of that.
 
     Returns:
         Both ends (x, y) of each, shape (N, 2, 2).
@@ -57,7 +58,8 @@ def openings(area: Polygon, tolerance: float, longest: float, wall: float) -> ND
             np.einsum("nk,nwk->nw", -along, walls[second]),
         ]
     )
-    stand = np.stack([lengths[first], lengths[second]]) >= wall
+    least = np.maximum(wall, _SUPPORT * length)[:, np.newaxis]
+    stand = np.stack([lengths[first], lengths[second]]) >= least
     good = (length > 0) & (cosines < math.cos(_ACROSS)).all(axis=(0, 2))
     good &= ((cosines < -math.cos(_IN_LINE)) & stand).any(axis=(0, 2))
     first, second, length = first[good], second[good], length[good]

@@ -18,6 +18,7 @@ from hypermap.rooms.settings import RoomSettings
 _OPEN = 0.28  # of a room's outline is open at most; of a square without one wall 0.25 is
 _COUNTS = 0.6  # of a piece's width is a passage at least that makes it open
 _ROOM = 2.0  # [m^2] is a room's area at least, if nothing but its shape says that it is one
+_NARROW = 0.5  # [m] is a door's width at least that makes a small piece a room
 _LARGE = 4.0  # [m^2] what is smaller and no room is part of what it opens to, as a niche
 _LONG = 2.5  # times its width is a corridor's length at least
 _DOOR = 0.85  # of the narrower side's width is a door at most
@@ -76,23 +77,27 @@ class Pieces:
 
     def room_of(self) -> list[int]:
         """Join the pieces, and return the number of one piece of its room for each."""
-        large_enough = self._settings.least_area
-        self._join(lambda a, b, w: self._smaller(a, b, w, large_enough, any_width=True))
+        self._join(self._is_too_small)
         self._join(self._are_corridors)
         self._join(self._goes_on)
         self._join(self._are_one_large_room)
-        self._join(lambda a, b, w: self._smaller(a, b, w, _LARGE, any_width=False))
+        self._join(self._is_niche)
         self._join(self._opens_to_one_room)
         return [self._find(i) for i in range(len(self._parent))]
 
     # Whether two pieces with a passage of some width [m] between them are one
 
-    def _smaller(self, a: int, b: int, width: float, area: float, *, any_width: bool) -> bool:
+    def _is_too_small(self, a: int, b: int, width: float) -> bool:
         small = a if self.area[a] < self.area[b] else b
-        if any_width:
-            return self.area[small] < area and width == max(self._widths[small].values())
+        least = max(self._settings.least_area, _ROOM if width < _NARROW else 0.0)
+        return self.area[small] < least and width == max(self._widths[small].values())
+
+    def _is_niche(self, a: int, b: int, width: float) -> bool:
+        small = a if self.area[a] < self.area[b] else b
         return (
-            self.area[small] < area and not self._is_room(small) and not self._is_door(a, b, width)
+            self.area[small] < _LARGE
+            and not self._is_room(small)
+            and not self._is_door(a, b, width)
         )
 
     def _goes_on(self, a: int, b: int, width: float) -> bool:
