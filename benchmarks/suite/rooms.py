@@ -95,6 +95,7 @@ def _of_world(name: str) -> tuple[float, float, int, int]:
     world = built_in_world(name)
     layer = true_occupancy(world)
     rooms = find_rooms(layer, objects=true_objects(world))
+    assert layer.cells is not None
     assert rooms.cells is not None
     return score(_true_labels(world, layer), rooms.cells + 1, layer.cells == FREE)
 
