@@ -13,6 +13,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.paths.cones import SOURCE, Reached
 from hypermap.paths.free_space import FreeSpace
 from hypermap.paths.geodesic import reach
+from hypermap.paths.narrowest import why_no_path
 from hypermap.paths.segments import line_cost
 from hypermap.paths.weighted import cheapest_cells, straightened
 
@@ -92,7 +93,7 @@ def find_path(space: FreeSpace, start_xy: PointsLike, goal_xy: PointsLike) -> ND
     if points is None:
         raise NoPath(
             f"no path leads from {_text(start_xy)} to {_text(goal_xy)} for a radius of "
-            f"{space.settings.robot_radius:g} m"
+            f"{space.settings.robot_radius:g} m; {why_no_path(space, first, last)}"
         )
     meters = space.grid.origin.apply(points * space.grid.resolution)
     meters[0], meters[-1] = as_point_xy(start_xy), as_point_xy(goal_xy)

@@ -22,6 +22,7 @@ from hypermap.core.masks import Zone
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.paths.find import Distances, NoPath, distances, find_path, length_of
 from hypermap.paths.free_space import FreeSpace
+from hypermap.paths.narrowest import why_no_path
 from hypermap.paths.passed import passed
 from hypermap.paths.places import Place, Places, title
 from hypermap.paths.settings import STAND_OFF, PathSettings
@@ -219,9 +220,12 @@ class Planner:
             pose = self._facing(int(cells[chosen]), item)
             way = None if begin is None else self._path(begin, np.array([pose.x, pose.y]))
             return Approach(pose, float(gaps[chosen]), item, way)
-        if self.sight.first_that_sees(shape, cells, gaps) is None:
+        nearest = self.sight.first_that_sees(shape, cells, gaps)
+        if begin is None or nearest is None:
             raise NoPath(f"{why} it is not visible from any free place {distance:g} m from it")
-        raise NoPath(f"{why} no path leads there for a radius of {radius:g} m")
+        _, first = self.space.place(begin, "the start")
+        narrow = why_no_path(self.space, first, int(cells[nearest]))
+        raise NoPath(f"{why} no path leads there for a radius of {radius:g} m; {narrow}")
 
     def is_reachable(self, start: Place, goal: Place) -> bool:
         """Return whether a path leads from one place to another.
