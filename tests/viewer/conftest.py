@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,31 +13,110 @@ import pytest
 from hypermap.formats import save_map
 from hypermap.simulation import demo_world, ground_truth
 
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[object]:
-    """A browser that ends with its module: no event loop may run here while others need one."""
-    from .page_tools import a_browser
-
-    with a_browser() as browser:
-        yield browser
+CALM: Any = {"reduced_motion": "reduce"}
 
 
-@pytest.fixture(scope="module")
-def empty_window(browser: Any) -> Iterator[Any]:
-    """The window that tests of a module load the page in, each anew."""
+class Shared:
+    """One browser and its windows for tests of the page that follow each other.
+
+    A browser takes a second to start. It ends with the last of these tests, as no event loop may
+    run where others need one; and with a test that has failed, which may have left anything.
+    """
+
+    def __init__(self) -> None:
+        self.has_failed = False
+        self._open = ExitStack()
+        self._browser: Any = None
+        self._windows: dict[str, Any] = {}
+
+    def browser(self) -> Any:
+        """Return the browser, started when it is first asked for."""
+        from .page_tools import a_browser
+
+        if self.has_failed:
+            self.close()
+        if self._browser is None:
+            self._browser = self._open.enter_context(a_browser())
+        return self._browser
+
+    @contextmanager
+    def window(
+        self, name: str, make: Callable[[Any], AbstractContextManager[Any]]
+    ) -> Iterator[Any]:
+        """Lend an empty window, which is made when it is first asked for."""
+        from .page_tools import leave
+
+        browser = self.browser()
+        if name not in self._windows:
+            self._windows[name] = self._open.enter_context(make(browser))
+        yield self._windows[name]
+        leave(self._windows[name].page)
+
+    def close(self) -> None:
+        """End the browser."""
+        self.has_failed, self._browser = False, None
+        self._windows.clear()
+        self._open.close()
+
+
+_shared = Shared()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Remember that a test has failed."""
+    report = yield
+    _shared.has_failed |= report.failed
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> Generator[None, None, None]:
+    """End the browser unless another test of the page follows."""
+    try:
+        return (yield)
+    finally:
+        group = nextitem.get_closest_marker("xdist_group") if nextitem else None
+        if group is None or group.args != ("page",):
+            _shared.close()
+
+
+def pytest_sessionfinish() -> None:
+    """End the browser, also where Ctrl-C has ended the tests."""
+    _shared.close()
+
+
+@pytest.fixture
+def shared() -> Shared:
+    """What tests of the page share."""
+    return _shared
+
+
+@pytest.fixture
+def browser(shared: Shared) -> object:
+    """A browser."""
+    return shared.browser()
+
+
+@pytest.fixture
+def empty_window(shared: Shared) -> Iterator[Any]:
+    """The window that tests load the page in, each anew.
+
+    Its user prefers reduced motion, as each step of a flight is drawn by the processor here; the
+    windows that tests open themselves show the motion.
+    """
     from .page_tools import a_window
 
-    with a_window(browser, None) as window:
+    with shared.window("first", partial(a_window, url=None, **CALM)) as window:
         yield window
 
 
-@pytest.fixture(scope="module")
-def second_window(browser: Any) -> Iterator[Any]:
+@pytest.fixture
+def second_window(shared: Shared) -> Iterator[Any]:
     """Another one that shares nothing with the first."""
     from .page_tools import a_window
 
-    with a_window(browser, None) as window:
+    with shared.window("second", partial(a_window, url=None, **CALM)) as window:
         yield window
 
 

@@ -88,13 +88,20 @@ def forget(page: Page) -> None:
     page.set_viewport_size(SIZE)
     page.mouse.up()  # where a test has failed while it dragged
     page.mouse.move(-1, -1)
+    leave(page)
+    page.context.clear_cookies()
+
+
+def leave(page: Page) -> None:
+    """Leave a page and forget what it has kept, so that it asks its server no more.
+
+    It goes by itself, as the browser would take another process for that, which has to prepare the
+    program anew.
+    """
     if page.url != "about:blank":
         page.evaluate("() => { localStorage.clear(); sessionStorage.clear(); }")
-        # Else the page of before asks its server, which may have ended. It goes by itself, as the
-        # browser would take another process for that, which has to prepare the program anew.
         page.evaluate("() => location.replace('about:blank')")
         page.wait_for_url("about:blank")
-    page.context.clear_cookies()
 
 
 @contextlib.contextmanager

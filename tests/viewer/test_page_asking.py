@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,9 +79,9 @@ def either(
         assert window.complaints == []
 
 
-@pytest.fixture(scope="module")
-def empty_window(browser: Browser) -> Iterator[Window]:
-    with a_window(browser, None, **ABROAD) as window:
+@pytest.fixture
+def empty_window(shared: Any) -> Iterator[Window]:
+    with shared.window("abroad", partial(a_window, url=None, **ABROAD)) as window:
         yield window
 
 

@@ -7,6 +7,7 @@ import io
 import re
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -172,9 +173,9 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield watched.url
 
 
-@pytest.fixture(scope="module")
-def empty_window(browser: Browser) -> Iterator[RunWindow]:
-    with a_run_window(browser, None) as window:
+@pytest.fixture
+def empty_window(shared: Any) -> Iterator[RunWindow]:
+    with shared.window("run", partial(a_run_window, url=None)) as window:
         yield window
 
 
