@@ -127,6 +127,7 @@ def test_which_objects_are_found(flat: Hypermap, question: str, found: list[int]
         ("is there a couch in the hall?", "no"),
         ("which rooms have a chair?", "hall"),
         ("where is the piano?", "none; there is no piano in the map"),
+        ("how big is the cup 1?", "cup 1: 0.10 x 0.10 m, 100 cm², from 0.74 to 0.85 m high"),
     ],
 )
 def test_the_short_form_of_an_answer_says_what_was_found(
@@ -290,6 +291,58 @@ def test_what_cannot_be_answered_is_said(flat: Hypermap, question: str, words: s
 def test_a_thing_that_the_map_does_not_have_is_noted(flat: Hypermap) -> None:
     answer = answer_to(flat, "where is the giraffe")
     assert (answer.exists, answer.notes) == (False, ("there is no giraffe in the map",))
+
+
+@pytest.mark.parametrize(
+    ("question", "note"),
+    [
+        ("where is the bench", "there is no bench in the map; similar: chair, couch"),
+        ("where is the tankard", "there is no tankard in the map; similar: cup, mug"),
+    ],
+)
+def test_things_like_one_that_the_map_does_not_have_are_noted(
+    flat: Hypermap, question: str, note: str
+) -> None:
+    assert answer_to(flat, question).notes == (note,)
+
+
+@pytest.mark.parametrize(
+    ("question", "found"),
+    [
+        ("what is in the same room as the table?", [1, 2, 3, 4]),
+        ("which chairs are in the same room as the table?", [3, 4]),
+        ("which chairs are in the same room as a chair?", [3, 4]),
+        ("what is in the same room as the couch?", []),
+        ("what is not in the same room as the table?", [0, 5]),
+        ("which tables are in the same room as a giraffe?", []),
+    ],
+)
+def test_objects_that_share_a_room_with_another_are_found(
+    flat: Hypermap, question: str, found: list[int]
+) -> None:
+    assert sorted(item.object.id for item in answer_to(flat, question).objects) == found
+
+
+def test_a_size_is_that_of_the_smallest_rectangle_around_the_shape() -> None:
+    turned = shapely.affinity.rotate(shapely.box(0, 0, 2.0, 0.5), 30)
+    shelf = SemanticObject("shelf", turned, id=7, attributes={"z_min": -0.01, "z_max": 1.8})
+    rug = SemanticObject("rug", shapely.Point(1, 1).buffer(0.05), id=8)
+    cluttered = Hypermap([SemanticLayer("semantic", "map", [shelf, rug])])
+    answer = answer_to(cluttered, "how big is the shelf?")
+    (line,) = lines(cluttered, answer)
+    assert line.endswith(": 2.00 x 0.50 m, 1.00 m², from 0.00 to 1.80 m high")
+    (row,) = document(cluttered, answer)["objects"]
+    size = {"length": 2.0, "width": 0.5, "area": 1.0, "z_min": -0.01, "z_max": 1.8}
+    assert row["size"] == pytest.approx(size)
+    (line,) = lines(cluttered, answer_to(cluttered, "how large is the rug"))
+    assert line.endswith(": 0.10 x 0.10 m, 78 cm²")
+
+
+def test_the_size_of_rooms_is_told(flat: Hypermap) -> None:
+    answer = answer_to(flat, "how large is the kitchen?")
+    assert [*lines(flat, answer)] == ["kitchen (id 1): 4.80 x 3.80 m, 18.2 m²"]
+    (row,) = document(flat, answer)["rooms"]
+    assert row["size"]["area"] == pytest.approx(4.8 * 3.8)
 
 
 def test_without_rooms_or_heights_the_answer_says_what_is_missing() -> None:

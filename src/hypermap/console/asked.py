@@ -10,6 +10,7 @@ from hypermap.questions.answer import Answer
 from hypermap.questions.cells import Cell
 from hypermap.questions.finder import NEXT_TO
 from hypermap.questions.query import Condition, Measured, Number, Query, Reference, When
+from hypermap.questions.sizes import Size, size_of, size_of_object
 from hypermap.questions.times import minute_of, time_of
 from hypermap.rooms.questions import rooms_at
 from hypermap.rooms.rooms import Room, rooms_on
@@ -23,6 +24,7 @@ _GIVES = {
     "room": "which room the objects are in",
     "rooms": "which rooms",
     "last_seen": "when the objects were last seen",
+    "size": "how large they are",
     "labels": "what layers say",
     "places": "which places",
     "value": "what was measured",
@@ -144,6 +146,10 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
         yield from map(_counted, answer.rooms[:_MOST], answer.counts)
     elif give == "rooms":
         yield from map(_title, answer.rooms[:_MOST])
+    elif give == "size" and query.rooms:
+        for asked in answer.rooms[:_MOST]:
+            if asked is not None:
+                yield f"{printable(asked.name)} (id {asked.id}): {size_of(asked.outline)}"
     elif answer.query.rooms:
         yield from map(_title, answer.rooms[:_MOST] if give != "count" else ())
     elif give == "room":
@@ -159,7 +165,8 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
         for item, room, value in zip(found, rooms, measured, strict=False):
             seen = item.object.last_seen if is_timed else None
             is_seen = "" if seen is None else f", last seen {time_of(seen)}"
-            yield f"{_line(item, room)}{value}{is_seen}"
+            size = f": {size_of_object(item.object)}" if give == "size" else ""
+            yield f"{_line(item, room)}{value}{is_seen}{size}"
     shown = len(answer.rooms) if query.counts_each_room else answer.count
     if shown > _MOST and (give != "count" or query.per is not None):
         yield f"and {shown - _MOST} more; --json lists all"
@@ -176,6 +183,9 @@ def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:
         "objects": [_row(item, room) for item, room in zip(answer.objects, rooms, strict=True)],
         "notes": list(answer.notes),
     }
+    if answer.query.give == "size":
+        for row, item in zip(found["objects"], answer.objects, strict=True):
+            row["size"] = _sizes(size_of_object(item.object))
     if answer.measured:
         pairs = zip(found["objects"], answer.measured, strict=True)
         found["objects"] = [{**row, "measured": dict(measured)} for row, measured in pairs]
@@ -185,6 +195,9 @@ def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:
         found["rooms"] = [_room(room) for room in answer.rooms if room is not None]
         for row, count in zip(found["rooms"], answer.counts, strict=False):
             row["count"] = count
+        if answer.query.give == "size":
+            for row, room in zip(found["rooms"], filter(None, answer.rooms), strict=True):
+                row["size"] = _sizes(size_of(room.outline))
     if answer.query.give == "exists":
         found["exists"] = answer.exists
     return found
@@ -231,6 +244,10 @@ def _title(room: Room | None) -> str:
 
 def _counted(room: Room | None, count: int) -> str:
     return f"{_title(room)}: {count}"
+
+
+def _sizes(size: Size) -> dict[str, float]:
+    return {key: value for key, value in vars(size).items() if value is not None}
 
 
 def _room(room: Room) -> dict[str, Any]:

@@ -39,6 +39,7 @@ from hypermap.questions.noted import notes_at, notes_in
 from hypermap.questions.per_room import counted_by_room
 from hypermap.questions.query import OF_COUNTS, Query
 from hypermap.questions.seen import seen_in
+from hypermap.questions.sizes import size_of_object
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
 from hypermap.rooms.questions import rooms_at, rooms_called
 from hypermap.rooms.rooms import Room
@@ -94,6 +95,9 @@ class Answer:
         if self.query.asks_rooms:
             return rooms, len(rooms)
         names = [f"{item.object.name} {item.object.id}" for item in self.first(_SHOWN)]
+        if self.query.give == "size":
+            sizes = (size_of_object(item.object) for item in self.first(_SHOWN))
+            names = [f"{name}: {size}" for name, size in zip(names, sizes, strict=True)]
         if self.query.give == "room":
             names = [f"{name} in {room}" for name, room in zip(names, rooms, strict=False)]
         return [*names, *(str(cell.label) for cell in self.cells)], self.count

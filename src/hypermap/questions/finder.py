@@ -33,6 +33,7 @@ from hypermap.questions.taxonomy import Taxonomy
 from hypermap.rooms.kinds import rooms_of_points
 from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
 from hypermap.rooms.rooms import Room, Rooms, rooms_on
+from hypermap.text import printable
 
 if TYPE_CHECKING:
     from hypermap.paths import Planner
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 NEXT_TO = 1.0  # [m] between the shapes of objects that are next to each other
 ASKER = Reference(is_asker=True)
 
+# Relations to something that may be far away.
+_FAR_REACHING = ("beyond", "visible from", "with", "in the room of")
 _FEW = 100  # places, around which objects are looked up
 _IN_SIGHT = 2.0  # [m] up to which an object is beside, in front of or behind another
 
@@ -131,7 +134,10 @@ class Finder:
                 wanted[one] = ids | number if ids and number else set()
             if not matching:
                 is_known = self._taxonomy.usual_name(what) is not None
-                hint = "" if is_known else f"; {did_you_mean(what, self._names)}"
+                hint = f"; {did_you_mean(what, self._names)}"
+                if is_known:
+                    like = self._taxonomy.related(what, self._names)
+                    hint = f"; similar: {', '.join(map(printable, like[:3]))}" if like else ""
                 self.notes.append(f"there is no {what} in the map{hint}")
         only = [layer.name for layer in layers or () if isinstance(layer, SemanticLayer)]
         if (names and not wanted) or (layers is not None and not only):
@@ -159,7 +165,7 @@ class Finder:
         This is for speed alone: so few objects are looked at where a question is about few places.
         """
         for condition in where:
-            if condition.negated or condition.relation in ("beyond", "visible from", "with"):
+            if condition.negated or condition.relation in _FAR_REACHING:
                 continue
             if condition.relation == "in" and condition.reference.is_asker:
                 return shapely.buffer(self.room_of_asker.outline, _IN_SIGHT)
@@ -254,6 +260,12 @@ class Finder:
         ids = [room.id for room in self.rooms_of(self.others(reference)) if room is not None]
         return found.are_of(ROOMS) & np.isin(found.column("ids"), ids)
 
+    def _are_only(self, others: Matches, found: Matches) -> BoolArray:
+        """Return which objects are in a room of some others because they are one of these alone."""
+        own = self.places_of_rooms(others)
+        alone = np.array([(own == place).sum() == 1 for place in own], dtype=bool)
+        return np.isin(found.keys, others.keys[alone])
+
     # Conditions
 
     def _holds(self, condition: Condition, found: Matches, only_rooms: bool = False) -> BoolArray:
@@ -268,6 +280,10 @@ class Finder:
             return is_in | self._meet(condition, found, self.others(reference))
         if relation == "with":
             return self._have(reference, found)
+        if relation == "in the room of":
+            others = self.others(reference)
+            rooms = [room for room in self.rooms_of(others) if room is not None]
+            return self._are_in(rooms, found, only_rooms) & ~self._are_only(others, found)
         if condition.other is not None:
             return self._are_between(found, (reference, condition.other))
         return self._meet(condition, found, self.others(reference))

@@ -19,12 +19,14 @@ Give: TypeAlias = Literal[
     "room",
     "rooms",
     "last_seen",
+    "size",
     "labels",
     "places",
     "value",
 ]
 Relation: TypeAlias = Literal[
     "in",
+    "in the room of",
     "at",
     "near",
     "beyond",
@@ -109,7 +111,8 @@ class Condition:
         relation: "near" and "beyond" compare the distance between shapes with `within`; sides, such
             as "left of", are as the asker sees the reference; those of the asker depend on the
             heading. "visible from" needs a line of sight without walls; "with" holds for rooms that
-            contain such an object; "between" is between the reference and the other one.
+            contain such an object, "in the room of" for objects that share a room with one;
+            "between" is between the reference and the other one.
         reference: the place, room or objects that it refers to. Any of the objects will do, but
             "between" needs a single one. "in" with the asker means in the same room.
         within: a distance [m]; None for "next to" (`NEXT_TO` in `answer`).
@@ -226,9 +229,10 @@ class Query:
     Attributes:
         give: what to return: the objects, how many there are, whether there are any, how far away
             they are, the rooms that they are in ("room"), the rooms that contain them ("rooms";
-            all rooms without names), when they were last seen, the objects and the labels of
-            layers without objects ("labels"), the places at which `measured` holds ("places"), or
-            the value measured at a point, in a room or everywhere ("value").
+            all rooms without names), when they were last seen, how large they are ("size"; of
+            rooms, too), the objects and the labels of layers without objects ("labels"), the places
+            at which `measured` holds ("places"), or the value measured at a point, in a room or
+            everywhere ("value").
         names: names of the objects, any of which matches; none for all. A name matches the objects
             with that name in the map, and those of that kind by the taxonomy.
         exact: whether to match only the names in the map, without a taxonomy; includes rooms.

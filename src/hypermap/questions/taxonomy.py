@@ -68,6 +68,19 @@ class Taxonomy:
         own = self.usual_name(name)
         return usual is not None and own is not None and self.is_a(own, usual)
 
+    def related(self, asked: str, names: Iterable[str]) -> list[str]:
+        """Return the names of objects that share the nearest kind with a name.
+
+        >>> load_taxonomy().related("mug", ["cup", "chair"]), load_taxonomy().related("tv", ["cup"])
+        (['cup'], [])
+        """
+        kind = self.kinds.get(self.usual_name(asked) or "")
+        while kind is not None and kind != EVERYTHING:
+            if found := [name for name in names if self._means(kind, name)]:
+                return found
+            kind = self.kinds.get(kind)
+        return []
+
     @cached_property
     def known(self) -> list[str]:
         """All names in the singular."""

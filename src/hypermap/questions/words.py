@@ -48,6 +48,12 @@ _KEYWORDS = {
         "|how many meters|how many metres|how many feet|how many yards|how many centimeters"
         "|how long is the way|how long is the path"
     ),
+    "HOW_BIG": (
+        "how big|how large|how wide|how long|how tall|how high|how deep|how many square meters"
+        "|what size|what is the size of|what are the sizes of|what are the dimensions of|size of"
+        "|dimensions of|what is the area of|what is the width of|what is the length of"
+        "|what is the height of"
+    ),
     "IS": "is|are|was|were|stood|lay|is it|are they|stand|stands|lie|lies|be|exist|exists",
     "THERE": "there",
     "HAVE": (
@@ -101,6 +107,10 @@ _KEYWORDS = {
     "OR_FEWER": "or fewer|or less",
     "SEVERAL": "several|multiple",
     "SAME_ROOM": "one room|a single room|single room|the same room|same room",
+    "IN_ROOM_OF": (
+        "in the same room as|in the same room with|in same room as|in the room of|in one room with"
+        "|in a room with|sharing a room with|in the room with"
+    ),
     "SIDE": (
         "left of|to the left of|on the left of|right of|to the right of|on the right of"
         "|in front of|behind|at the back of|left from|right from|on the left side of"
@@ -160,6 +170,7 @@ _OF_CONDITIONS = {
     "WITHIN",
     "BEYOND",
     "SIDE",
+    "IN_ROOM_OF",
     "NOT",
     "IS",
 }

@@ -33,6 +33,7 @@ _MOST = {"less than": -1, "fewer than": -1} | dict.fromkeys(
 
 _RELATIONS: dict[str, Relation] = {
     "IN": "in",
+    "IN_ROOM_OF": "in the room of",
     "ON": "on",
     "UNDER": "under",
     "NEXT_TO": "near",

@@ -14,6 +14,7 @@ from hypermap.questions.grammar.parts import (
     only,
     query_in_room,
     query_of_parts,
+    rooms_of,
     tags_of,
     types_of,
 )
@@ -113,6 +114,14 @@ class Sentences(RoomSentences):
         if start and not room.rooms:
             (room,), start = start, [room]
         return Query("distance", rooms=room.rooms, start=start[0] if start else None)
+
+    # Sizes
+
+    def how_big(self, parts: list[Any]) -> Query:
+        return replace(query_of_parts(parts), give="size")
+
+    def how_big_room(self, parts: list[Any]) -> Query:
+        return Query("size", rooms=rooms_of(parts) or ("room",))
 
     # Times
 
