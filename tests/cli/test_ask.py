@@ -41,7 +41,7 @@ def test_an_area_may_reach_very_far_and_is_not_spelled_out(hypermap: Run, room_m
     [
         ("how many seats are there", "2\n"),
         ("is there a plant", "yes\npotted plant 2 at (7.50, 2.50)\n"),
-        ("is there a sofa", "no\nthere is no sofa in the map\n"),
+        ("is there a sofa", "no\nthere is no sofa in the map; similar: chair\n"),
         ("where is the nearest chair", "chair 0 at (9.50, 0.50), 8.00 m away\n"),
         ("what is at 9.5,0.5", "chair 0 at (9.50, 0.50)\n"),
         ('{"names": ["furniture"], "which": "surest"}', "chair 1 at (9.50, 4.50)\n"),
