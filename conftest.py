@@ -6,6 +6,7 @@ from every shell, and as a background job.
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import importlib.util
 import logging
@@ -22,6 +23,7 @@ from typing import Any
 
 import pytest
 from _pytest.doctest import DoctestModule
+from _pytest.faulthandler import fault_handler_stderr_fd_key
 
 # Modules that need what is not installed everywhere already to be imported.
 collect_ignore_glob = [
@@ -37,6 +39,7 @@ if importlib.util.find_spec("rerun") is None:  # whose SDK needs Python 3.11
 
 LOGGERS = ("hypermap", "hypermap._loops", "py.warnings", "matplotlib")  # that commands set up
 _LONGEST_ID = 200  # characters
+_HANGS_AFTER, _ARMED_EVERY = 500.0, 60.0  # seconds
 KEPT = ("PATH", "TMPDIR", "CI", "HYPERMAP_CHROMIUM", "HYPERMAP_ROS2", "HOME")
 SET = {
     "LANG": "C.UTF-8",
@@ -74,6 +77,42 @@ def pytest_configure(config: pytest.Config) -> None:
         home = Path(tempfile.mkdtemp(prefix="hypermap-home-"))
         config.add_cleanup(lambda: shutil.rmtree(home, ignore_errors=True))
         os.environ["HOME"] = str(home)
+    elif config.option.durations is None and not config.option.xmlpath:
+        _report_what_counts(config)
+
+
+def _report_what_counts(config: pytest.Config) -> None:
+    """Send nothing of the set-up and the end of a test that went well: it took 4 s of a run."""
+    plugins = config.pluginmanager.get_plugins()
+    (interactor,) = (each for each in plugins if type(each).__name__ == "WorkerInteractor")
+    send = interactor.sendevent
+
+    def send_what_counts(name: str, **said: Any) -> None:
+        report = said.get("data", {}) if name == "testreport" else {}
+        if report.get("when") not in ("setup", "teardown") or report["outcome"] != "passed":
+            send(name, **said)
+
+    interactor.sendevent = send_what_counts
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Hand out tests as `--dist loadgroup` does, but forget those that are done.
+
+    After each test, it would count how many of all that a worker ever got are still to be done.
+    """
+    if config.option.dist != "loadgroup":
+        return None
+    from xdist.scheduler import LoadGroupScheduling
+
+    class Forgetting(LoadGroupScheduling):  # type: ignore[misc]
+        def mark_test_complete(self, node: Any, item_index: int, duration: float = 0) -> None:
+            given = self.assigned_work[node]
+            for group in [group for group, tests in given.items() if all(tests.values())]:
+                del given[group]
+            super().mark_test_complete(node, item_index, duration)
+
+    return Forgetting(config, log)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -117,6 +156,30 @@ def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
     if isinstance(val, str | bytes) and len(val) > _LONGEST_ID:
         return f"{argname}-of-{len(val)}"
     return None
+
+
+_armed: list[float] = []  # when the watchdog began to wait
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Show where each thread stands if a test hangs, also where its timeout cannot end it.
+
+    pytest's own `faulthandler_timeout` starts and ends a thread for each test, which takes as long
+    as a small test.
+    """
+    now = time.monotonic()
+    if not _armed or now - _armed[0] > _ARMED_EVERY:
+        _armed[:] = [now]
+        file = item.config.stash[fault_handler_stderr_fd_key]
+        faulthandler.dump_traceback_later(_HANGS_AFTER, file=file)
+    return (yield)
+
+
+def pytest_sessionfinish() -> None:
+    """Wait for no test any more."""
+    faulthandler.cancel_dump_traceback_later()
+    _armed.clear()
 
 
 @contextmanager
