@@ -20,8 +20,9 @@ def _on_the_path() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def _little_garbage_to_look_through() -> Iterator[None]:
-    """Leave out what earlier tests have made when the stopwatch has garbage collected."""
+def _little_garbage_to_look_through() -> None:
+    """Leave out what earlier tests have made when the stopwatch has garbage collected.
+
+    For good: otherwise, each collection in later tests would look through all tests and modules.
+    """
     gc.freeze()
-    yield
-    gc.unfreeze()

@@ -40,15 +40,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _no_socket_left_for_others() -> Iterator[None]:
-    yield
-    if "rospy" in sys.modules:
-        gc.collect()  # takes a while with all that is loaded
+def _no_socket_left_for_others() -> Iterator[set[str]]:
+    """Close what rospy has left, if any test of the module has used it: the names of fixtures."""
+    used: set[str] = set()
+    yield used
+    if "rospy" in used:
+        gc.collect()
+        gc.freeze()  # else the next one looks through all that is loaded again
 
 
 @pytest.fixture(autouse=True)
-def _no_parameter_left_for_others() -> Iterator[None]:
+def _no_parameter_left_for_others(
+    request: pytest.FixtureRequest, _no_socket_left_for_others: set[str]
+) -> Iterator[None]:
     """Take away what a test, or a node that it started, has left on the roscore of the worker."""
+    _no_socket_left_for_others.update(request.fixturenames)
     if "ROS_MASTER_URI" not in os.environ:
         yield
         return
