@@ -126,6 +126,7 @@ OTHERS = {
     ),
     "JumpHandle.unregister": ("(self)", _CLOCK),
     "Publisher.publish": ("(self, msg)", "rclpy/rclpy/publisher.py"),
+    "Publisher.wait_for_all_acked": ("(self, timeout=...)", "rclpy/rclpy/publisher.py"),
     "Publisher.get_subscription_count": ("(self)", "rclpy/rclpy/publisher.py"),
     "Logger.debug": ("(self, message, **kwargs)", "rclpy/rclpy/impl/rcutils_logger.py, 0184628"),
     "Logger.info": ("(self, message, **kwargs)", "rclpy/rclpy/impl/rcutils_logger.py, 0184628"),

@@ -89,6 +89,13 @@ def test_a_plan_is_the_shortest_path_and_looks_ahead_to_the_goal(client):
 
 
 @pytest.mark.xdist_group("ros")
+def test_a_robot_at_its_goal_gets_the_goal(client):
+    here = pose(client.message, 3, 1.5)
+    found = plan(client, here, pose(client.message, 3, 1.5, yaw=0.5))
+    np.testing.assert_allclose(found, [[3, 1.5, 0.5]], atol=1e-9)
+
+
+@pytest.mark.xdist_group("ros")
 def test_a_goal_may_be_in_another_frame_of_the_map(client):
     goal = pose(client.message, 1.5, 3.0, 0.0, "turned")  # (7, 1.5) in the map, turned left
     poses = plan(client, pose(client.message, 3.0, 1.5), goal)

@@ -167,6 +167,32 @@ def test_a_node_that_roslaunch_may_start_again_finds_its_parameters(start, rospy
     assert rospy.get_param("/reborn") == {"label_height": 0.3}
 
 
+def test_a_node_that_roslaunch_starts_again_has_all_its_parameters(start, rospy, tmp_path) -> None:
+    path, to = tmp_path / "lab.hmap", tmp_path / "kept.hmap"
+    words = ["hypermap", "serve", "--ros1", "__name:=respawned", f"__log:={tmp_path}/log"]
+    given = {"file": str(path), "load_map": True, "save_to": str(to), "label_height": 0.3}
+    rospy.set_param("/respawned", given)
+    assert start(*words, is_new=True).popen.wait(240) == 2  # its map is not there yet
+    assert rospy.get_param("/respawned").keys() == {"respawn"}
+    saved(building(), path)
+    start(*words, is_new=True).expect(f"loaded {path}")
+    kill("/respawned")
+    last = start(*words, is_new=True)  # new ones have one parent, as those of roslaunch
+    last.expect(f"the map will be stored in {to} at the end")
+    assert rospy.get_param("/respawned/label_height") == 0.3
+    assert last.stop() == 0
+    assert layers(to) == ["occupancy", "semantic"]
+    assert rospy.get_param("/respawned", {}) == {}
+
+
+def test_what_waits_for_a_node_of_another_roslaunch_is_dropped(start, rospy, tmp_path) -> None:
+    kept = {"launcher": "elsewhere 1", "values": {"file": "/no.hmap", "load_map": True}}
+    rospy.set_param("/orphan/respawn", kept)
+    words = ["hypermap", "serve", "--ros1", "__name:=orphan", f"__log:={tmp_path}/log"]
+    start(*words).expect("starting without a map")
+    assert rospy.get_param("/orphan", {}) == {}
+
+
 HALF_ASKED = """
 import gc, xmlrpc.client
 from hypermap.ros.port import Parameter

@@ -31,6 +31,7 @@ from hypermap.ros.ros1.libraries import (
 from hypermap.ros.ros1.logs import forward_logs, keep_rosout_settings, show_lines_at_once
 from hypermap.ros.ros1.master import MasterWatch, owns_its_name, require_master
 from hypermap.ros.ros1.messages import message_class, service_class
+from hypermap.ros.ros1.respawn import Respawn
 from hypermap.ros.signals import end_signals
 
 _TF_START = 1.0  # s until a new listener has heard what is known
@@ -44,7 +45,8 @@ class Ros1Port:
     Ctrl-C, SIGTERM and the end of its terminal are a KeyboardInterrupt, and the end of `spin` also
     where that got lost. The node's parameters end with it: the roscore would hold them against the
     next one of that name. They stay if it was ended by another node of that name or by `rosnode
-    kill`, after which roslaunch may start it again.
+    kill`, and wait for its next life (`Respawn`) if it failed or was terminated, after which
+    roslaunch may start it again.
 
     Args:
         name: the node's name, unless an argument gives it another.
@@ -67,6 +69,9 @@ class Ros1Port:
         forward_logs(self.log)
         words = sys.argv if argv is None else argv
         self._arguments = frozenset(load_command_line_node_params(words))
+        self._respawn = Respawn(words)
+        self._may_return = True  # but for Ctrl-C, which is how roslaunch ends for good
+        self._given: dict[str, Any] = {}
         self._lock = threading.Lock()
         self._buffer: Any = None
         self._tf_began = 0.0
@@ -75,7 +80,7 @@ class Ros1Port:
         self._names: tuple[str, ...] = ()  # of the parameters
         self._watch = MasterWatch(
             lambda given: self._parameters.update(given),
-            lambda: self._parameters.given,
+            lambda: {**self._parameters.given, **self._respawn.parameters},
             self._end,
         )
 
@@ -210,8 +215,7 @@ class Ros1Port:
     ) -> dict[str, Value]:
         """Declare parameters and return their values."""
         self._names = tuple(parameter.name for parameter in parameters)
-        given = rospy.get_param(rospy.get_name(), {})
-        self._forget(parameter.name for parameter in parameters if parameter.once)
+        given = self._given_to_this_life({p.name for p in parameters if p.once})
         self._parameters = ParameterSet(
             parameters,
             given,
@@ -260,8 +264,26 @@ class Ros1Port:
                 with contextlib.suppress(Exception):  # or the roscore is gone
                     if owns_its_name():
                         self._forget(self._names)
+                        self._respawn.taken()
+                        if self._may_return:
+                            self._respawn.keep({**self._given, **self._parameters.given})
                     break
         self._end()
+
+    def _given_to_this_life(self, once: set[str]) -> dict[str, Any]:
+        """Return parameters on the server, and those that an earlier life has kept.
+
+        Args:
+            once: names of those that no other run is to find on the server.
+        """
+        kept, there = self._respawn.taken(), rospy.get_param(rospy.get_name(), {})
+        for name in kept.keys() - there.keys() - once:
+            rospy.set_param(f"~{name}", kept[name])
+        given = {**kept, **there}
+        self._given = {name: given[name] for name in self._names if name in given}
+        self._forget(once)
+        self._respawn.keep({name: self._given[name] for name in once & self._given.keys()})
+        return given
 
     def _end(self) -> None:
         self._is_ending = True
@@ -287,8 +309,9 @@ class Ros1Port:
 
         sys.unraisablehook = pass_on
 
-    def _interrupt(self, *_: object) -> None:
+    def _interrupt(self, number: int, _: object) -> None:
         self._is_ending = True
+        self._may_return &= number == signal.SIGTERM
         raise KeyboardInterrupt
 
     def _tf(self) -> tuple[Any, float]:

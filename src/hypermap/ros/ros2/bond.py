@@ -8,12 +8,14 @@ from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 
 from hypermap.ros.ros2.messages import message_class
 from hypermap.ros.ros2.qos import publisher_qos
 
 PERIOD = 0.1  # s; nav2's nodes and its manager have the same
 _TIMEOUT = 4.0  # s; the manager counts with its own, `bond_timeout`
+_DELIVERY = 0.5  # s that the last sign may take; a manager that was killed acknowledges nothing
 
 
 class Bond:
@@ -49,6 +51,8 @@ class Bond:
         with self._guard:
             self._is_whole = False
             self._say(is_alive=False)
+            # DDS may drop what a publisher has sent right before it is destroyed.
+            self._publisher.wait_for_all_acked(Duration(seconds=_DELIVERY))
         self._node.destroy_timer(self._timer)
         self._node.destroy_publisher(self._publisher)
 

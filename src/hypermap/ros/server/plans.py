@@ -157,11 +157,12 @@ def _poses(points: NDArray[np.float64], step: float, last_yaw: float) -> NDArray
     """Return poses along a path as x, y and yaw, shape (M, 3), each looking at the next.
 
     Args:
-        points: the path, shape (N, 2).
+        points: the path, shape (N, 2); without length if the robot is there already.
         step: how far apart poses are at most [m].
         last_yaw: where the last one looks [rad].
     """
-    dense = shapely.get_coordinates(shapely.segmentize(shapely.LineString(points), step))
+    line = shapely.LineString(points)
+    dense = shapely.get_coordinates(shapely.segmentize(line, step)) if line.length else points[:1]
     ahead = np.diff(dense, axis=0)
     yaws = np.append(np.arctan2(ahead[:, 1], ahead[:, 0]), last_yaw)
     return np.column_stack([dense, yaws])
