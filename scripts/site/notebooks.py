@@ -6,7 +6,6 @@ import tempfile
 from pathlib import Path
 
 import nbformat
-from nbclient import NotebookClient
 from nbconvert import MarkdownExporter
 from traitlets.config import Config
 
@@ -39,6 +38,8 @@ def run(notebook: nbformat.NotebookNode) -> None:
     Raises:
         nbclient.exceptions.CellExecutionError: If a cell fails.
     """
+    from nbclient import NotebookClient  # takes long to import
+
     with tempfile.TemporaryDirectory() as folder:
         NotebookClient(
             notebook, timeout=TIME_LIMIT, resources={"metadata": {"path": folder}}
