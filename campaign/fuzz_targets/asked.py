@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import dataclasses
 import json
+import random
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -119,7 +120,41 @@ def poses(folder: Path) -> Target:
         mapper.correct(trajectory_of(read.stamps, matrices, 1e9))
         save_map(mapper.hypermap(), folder / "again.hmap")
 
-    return Target(ask, ["\n".join(lines).encode()], mutate_text)
+    return Target(ask, ["\n".join(lines).encode()], _mutate_poses)
+
+
+def _mutate_poses(data: bytes, draw: random.Random) -> bytes:
+    """Change poses of a list and leave it one, by far for most lists; or its text."""
+    rows = [line.split() for line in data.split(b"\n")]
+    if draw.random() < 0.2 or not all(len(row) == 8 for row in rows):
+        return mutate_text(data, draw)
+    for _ in range(draw.choice([1, 1, 2, 5])):
+        at, kind = draw.randrange(len(rows)), draw.random()
+        if kind < 0.4:  # some or all of them, along one axis or turned
+            column, by = draw.randrange(1, 8), draw.choice(_STEPS)
+            for row in rows[at:] if draw.random() < 0.5 else rows[at : at + 1]:
+                row[column] = _added(row[column], by)
+        elif kind < 0.6:  # at another time
+            by = draw.choice(_STEPS)
+            for row in rows[at:]:
+                row[0] = _added(row[0], by)
+        elif kind < 0.8:
+            del rows[at + 1 : at + 1 + draw.choice([1, 3, 100])]
+        elif kind < 0.9:
+            rows.insert(at, [_added(rows[at][0], -1e-6), *draw.choice(rows)[1:]])
+        else:
+            rows[at][draw.randrange(8)] = draw.choice([b"nan", b"1e308", b"-1e9", b"0", b"1e-320"])
+    return b"\n".join(b" ".join(row) for row in rows)
+
+
+_STEPS = [1e-9, -1e-6, 0.01, -0.1, 0.5, -1.0, 3.0, 100.0, -1e4, 1e6, 9.9e8]
+
+
+def _added(number: bytes, by: float) -> bytes:
+    try:
+        return b"%.6f" % (float(number) + by)
+    except (ValueError, OverflowError):
+        return number
 
 
 def spool(folder: Path) -> Target:

@@ -135,6 +135,20 @@ def test_an_entry_that_says_nothing_is_damage(tmp_path: Path, wrong: str | bytes
     spool.close()
 
 
+def test_where_the_disk_is_full_the_spool_says_what_to_do(tmp_path: Path) -> None:
+    full = tmp_path / "full"
+    spool = Spool(full)
+    [[pages]] = spool._file.execute("PRAGMA page_count")
+    spool._file.execute(f"PRAGMA max_page_count = {pages}")  # as a full disk
+    seen = Changes("office", "anna").since_last(mapped(40, 40))
+    assert seen is not None
+    with pytest.raises(HypermapError, match=r"disk is full; free space there, .*\(--spool\)"):
+        spool.put(seen)
+    spool.close()
+    with pytest.raises(HypermapError, match=r"unable to open .*; free space there"):
+        Spool(tmp_path)  # as where nothing can be created
+
+
 @contextlib.contextmanager
 def full_spool(path: Path) -> Iterator[sqlite3.Connection]:
     """A spool that refuses what is new, as on a full disk, until its trigger `full` is dropped."""

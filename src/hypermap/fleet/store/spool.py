@@ -45,6 +45,7 @@ from hypermap.mapping.stages import OccupancyConfig
 _log = logging.getLogger(__name__)
 
 _REFUSED = (sqlite3.Error, UnicodeDecodeError)  # the latter for a message that quotes the damage
+_CANNOT_WRITE = ("disk is full", "disk I/O error", "unable to open", "readonly")  # says SQLite
 _WRONG = (
     *(ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError),
     zlib.error,
@@ -120,7 +121,9 @@ class Spool:
         try:
             self._file = _open(path)
         except _REFUSED as error:
-            raise HypermapError(f"{path}: cannot keep observations in this file: {error}") from None
+            raise HypermapError(
+                f"{path}: cannot keep observations in this file: {_described(error)}"
+            ) from None
 
     def put(self, observed: Observed) -> None:
         """Write observations to the file.
@@ -223,7 +226,14 @@ class Spool:
             with self._lock:
                 return self._file.execute(statement, values).fetchall()
         except _REFUSED as error:
-            raise HypermapError(f"{self.path}: {error}") from None
+            raise HypermapError(f"{self.path}: {_described(error)}") from None
+
+
+def _described(error: Exception) -> str:
+    """Return what SQLite says, with a remedy where it cannot write."""
+    if any(words in str(error) for words in _CANNOT_WRITE):
+        return f"{error}; free space there, check its permissions, or choose another file (--spool)"
+    return str(error)
 
 
 def _open(path: Path) -> sqlite3.Connection:
