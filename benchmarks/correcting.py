@@ -5,6 +5,8 @@ degrees on the way. Its map is corrected, and compared with one that was mapped 
 Prints the processor's time for each frame, and how alike the objects are.
 
     python benchmarks/correcting.py [--rooms 4] [--rate 1] [--seed 7] [--runs 5]
+
+16 rooms at a rate of 2.31 are 2,000 keyframes and 304 objects: as many as a map keeps.
 """
 
 from __future__ import annotations
@@ -59,7 +61,8 @@ def main() -> None:
     print(f"{correction.frames} frames, {len(objects(exact))} objects")
     print(
         f"{statistics.median(times):.2f} ms of the processor for each frame, "
-        f"{min(times):.2f} to {max(times):.2f}"
+        f"{min(times):.2f} to {max(times):.2f}; "
+        f"{1e-3 * correction.frames * statistics.median(times):.2f} s in all"
     )
     print("before:   ", likeness(objects(exact), objects(before)))
     print("corrected:", likeness(objects(exact), objects(mapper.hypermap())))

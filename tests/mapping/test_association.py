@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hypermap.mapping.association import jaccard, overlap, radius
+from hypermap.mapping.association import _widened, jaccard, overlap, radius
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import TrackShapes
@@ -133,3 +133,14 @@ def test_removing_a_row_moves_the_later_ones_up() -> None:
     assert len(shapes) == 2
     assert shapes.near(CHAIR, (4.5, 0.5, 4.5, 0.5)) == [1]
     assert [shape.area for shape in shapes.polygons] == [1, 1]
+
+
+@pytest.mark.parametrize("sharp", [0.05, 1.0])  # buffering cuts sharp corners off
+@pytest.mark.parametrize("seed", range(4))
+def test_a_hull_is_widened_as_shapely_buffers_it(seed: int, sharp: float) -> None:
+    corners = np.random.default_rng(seed).uniform(-1, 1, (6, 2)) * (1, sharp)
+    hull = shapely.convex_hull(shapely.multipoints(corners))
+    for shape in (hull, hull.reverse(), shapely.Polygon([*corners]).buffer(0)):
+        expected = shapely.buffer(shape, 0.01, join_style="mitre")
+        found = _widened(PreparedPolygon.of(shape), 0.01).geometry
+        assert shapely.hausdorff_distance(found, expected) < 1e-9

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hypermap.mapping.columns import Column
 
-steps = st.lists(st.sampled_from(["append", "append", "keep", "remove first"]), max_size=60)
+steps = st.lists(st.sampled_from(["append", "extend", "keep", "remove first"]), max_size=30)
 
 
 @given(steps=steps)
@@ -18,13 +18,18 @@ def test_a_column_holds_what_a_list_would_hold(steps: list[str]) -> None:
         if step == "append":
             column.append((number, -number))
             expected.append([number, -number])
+        elif step == "extend":
+            column.room_for(number)[: number // 2] = (number, -number)
+            column.extend(number // 2)
+            expected.extend([number, -number] for _ in range(number // 2))
         elif step == "keep":
             wanted = np.arange(len(expected)) % 3 != number % 3
             column.keep(wanted)
             expected = [row for row, is_wanted in zip(expected, wanted, strict=True) if is_wanted]
-        elif expected:
-            column.remove_first()
-            del expected[0]
+        else:
+            count = len(expected) // 2
+            column.remove_first(count)
+            del expected[:count]
         assert column.values.tolist() == expected
         assert len(column) == len(expected)
 

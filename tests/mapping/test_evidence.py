@@ -428,6 +428,9 @@ def test_an_update_that_fails_leaves_all_as_it_was(
 def _facts(evidence: EvidenceMap) -> list[object]:
     layer = evidence.layer()
     pieces = [evidence.evidence(int(number)) for number in layer.ids]
+    tracks = evidence.tracks()
+    times = [(*one.buffer.surely_there, one.buffer.last_seen) for one in tracks.objects]
+    assert tracks.times[:, :3].tolist() == [list(row) for row in times]
     return [
         evidence.ignored,
         evidence.summary(),

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from hypermap.core.trajectory import pose_from_rpy
-from hypermap.perception.depth_view import DepthView
+from hypermap.perception.depth_view import DepthView, grounds
 from hypermap.perception.frame import Camera, RgbdFrame
 
 CAMERA = Camera.from_intrinsics(65, 65, 39.5, 29.5, 80, 60)
@@ -93,3 +93,15 @@ def test_columns_that_all_look_the_same_way_show_no_ground() -> None:
     view = DepthView.of(frame)
     middle = DepthView(Camera(np.diag([16.0, 16.0, 1.0]), 20, 1), pose, view.reach[:1])
     assert middle.ground.is_empty
+
+
+def test_many_views_show_the_same_ground_as_one_by_one() -> None:
+    pose = pose_from_rpy(3.0, -2.0, 1.2, -np.pi / 2, 0.1, 0.7)
+    reach = np.random.default_rng(5).uniform(1, 3, (5, 60, 80)).astype(np.float32)
+    reach[1, :, 20:30] = reach[2] = np.nan  # in pieces, and none
+    views = [DepthView(CAMERA, pose, one) for one in reach]
+    found = grounds(views)
+    assert shapely.get_num_geometries(found).tolist() == [1, 3, 1, 1, 1]
+    assert found[2].is_empty
+    assert all(one.equals_exact(view.ground, 0) for one, view in zip(found, views, strict=True))
+    assert grounds([]) == []

@@ -20,7 +20,7 @@ from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import FormatError
 from hypermap.formats.columns.footprints import footprints_from_wkb
 
-_TYPES = {"<f8", "<f4", "<f2", "<i8", "<u4", "|u1"}
+_SIZES = {"<f8": 8, "<f4": 4, "<f2": 2, "<i8": 8, "<u4": 4, "|u1": 1}  # bytes of each type
 _MOST_HEADER = 16_000_000  # bytes
 _WRONG = (KeyError, TypeError, ValueError, OverflowError, shapely.GEOSException)
 
@@ -78,24 +78,24 @@ def parse_arrays(content: bytes, format_name: str, version: int, path: str) -> A
             f"is of version {header.get('version')!r}; this program reads {version}", path=path
         )
     try:
-        return ArrayFile(dict(header["facts"]), _arrays(header["arrays"], content[end + 1 :]))
+        return ArrayFile(dict(header["facts"]), _arrays(header["arrays"], content, end + 1))
     except _WRONG as error:
         raise FormatError(f"is damaged: {error}", path=path) from None
 
 
-def _arrays(described: Any, content: bytes) -> dict[str, NDArray[Any]]:
+def _arrays(described: Any, content: bytes, begin: int) -> dict[str, NDArray[Any]]:
+    """Return the arrays, which begin at a byte of the file."""
     arrays: dict[str, NDArray[Any]] = {}
-    begin = 0
     for name, kind, shape in described:
-        if kind not in _TYPES or not all(type(n) is int and n >= 0 for n in shape):
+        if kind not in _SIZES or not all(type(n) is int and n >= 0 for n in shape):
             raise ValueError(f"{name!r} is described as {kind!r} of the shape {shape!r}")
-        size = np.dtype(kind).itemsize
-        end = begin + size * math.prod(shape)
-        if end > len(content):
+        count = _SIZES[kind] * math.prod(shape)
+        if begin + count > len(content):
             raise ValueError(f"{name!r} ends too early")
-        flat = np.frombuffer(content[begin:end], np.uint8).reshape(size, -1)
-        arrays[name] = np.frombuffer(flat.T.tobytes(), kind).reshape(shape).copy()
-        begin = end
+        flat = np.frombuffer(content, np.uint8, count, begin).reshape(_SIZES[kind], -1)
+        whole = flat.copy() if len(flat) == 1 else flat.T.copy().view(kind)
+        arrays[name] = whole.reshape(shape)
+        begin += count
     if begin != len(content):
         raise ValueError(f"{len(content) - begin} bytes are left over")
     return arrays

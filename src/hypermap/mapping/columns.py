@@ -33,21 +33,35 @@ class Column(Generic[Item]):
 
     def append(self, row: ArrayLike) -> None:
         """Add a row."""
-        if self._end == len(self._room):
+        self._reserve(1)
+        self._room[self._end] = row
+        self.extend(1)
+
+    def room_for(self, count: int) -> NDArray[Item]:
+        """Return room for so many rows behind the last one, to fill; `extend` adds them."""
+        self._reserve(count)
+        return self._room[self._end : self._end + count]
+
+    def extend(self, count: int) -> None:
+        """Add the first rows of the room that `room_for` returned."""
+        self._end += count
+        self.values = self._room[self._begin : self._end]
+
+    def _reserve(self, more: int) -> None:
+        if self._end + more > len(self._room):
             count = len(self)
-            room = np.empty((max(8, 2 * count), *self._room.shape[1:]), self._room.dtype)
+            room = np.empty(
+                (max(8, 2 * count, count + more), *self._room.shape[1:]), self._room.dtype
+            )
             room[:count] = self.values
             self._room, self._begin, self._end = room, 0, count
-        self._room[self._end] = row
-        self._end += 1
-        self.values = self._room[self._begin : self._end]
 
     def keep(self, wanted: BoolArray) -> None:
         """Remove the rows that are not wanted, shape (N,)."""
         self._room = self.values = self.values[wanted]
         self._begin, self._end = 0, len(self._room)
 
-    def remove_first(self) -> None:
-        """Remove the first row, in constant time."""
-        self._begin += 1
+    def remove_first(self, count: int = 1) -> None:
+        """Remove the first rows, in constant time."""
+        self._begin += count
         self.values = self._room[self._begin : self._end]

@@ -10,6 +10,7 @@ import logging
 import math
 from collections.abc import Collection, Mapping
 
+import numpy as np
 import shapely
 
 from hypermap.core.embeddings import Embedding
@@ -64,7 +65,8 @@ class EvidenceMap:
         self._associate = ASSOCIATIONS[config.association]
         self._fuse = FUSIONS[config.fusion]
         self._observed: set[int] = set()  # ids of the tracks that this frame shows
-        self._touched: dict[int, tuple[Track, Track]] = {}  # changed tracks, and copies
+        self._touched: dict[int, tuple[Track, Track]] | None = None  # changed tracks, and copies
+        self._outdated: set[int] = set()  # ids of tracks whose stamps in the table are outdated
         self._classes: dict[str, int] = {}
         self._tracks = TrackTable(config.max_existence)
         self._edited = False  # whether people have edited anything
@@ -82,15 +84,22 @@ class EvidenceMap:
             observation: the frame.
             found: what `evidence_from` returns for it, if that is known already.
         """
+        self._note_times()
         before, ignored = self._tracks.copy(), self.ignored
-        self._touched.clear()
+        touched: dict[int, tuple[Track, Track]] = {}
+        self._touched = touched
         try:
             self._add_frame(observation, found)
         except BaseException:  # for example, out of memory
             self._tracks, self.ignored = before, ignored
-            for track, was in self._touched.values():
+            for track, was in touched.values():
                 track.become(was)
             raise
+
+    def update_for_good(self, observation: Observation, found: FoundEvidence) -> None:
+        """Add one frame as `update` does, but faster: if it fails, this map is of no use."""
+        self._touched = None
+        self._add_frame(observation, found)
 
     def _add_frame(self, observation: Observation, found: FoundEvidence | None) -> None:
         self._observed.clear()
@@ -124,6 +133,7 @@ class EvidenceMap:
 
     def tracks(self) -> TrackTable:
         """Return a copy of all tracks, which later frames do not change."""
+        self._note_times()
         return self._tracks.snapshot()
 
     def go_on_with(self, tracks: TrackTable, by_hand: Mapping[int, HandEdit] | None = None) -> None:
@@ -412,10 +422,11 @@ class EvidenceMap:
 
     def _note_gone(self, stamp: float) -> None:
         """Note the stamp since which each track is gone."""
-        is_gone = (self._tracks.existence <= GONE).tolist()
-        for row, (track, gone) in enumerate(zip(self._tracks.objects, is_gone, strict=True)):
-            if gone != (track.gone_since is not None):
-                self._touch(row).gone_since = stamp if gone else None
+        self._note_times()
+        is_gone = self._tracks.existence <= GONE
+        was_gone = ~np.isnan(self._tracks.times[:, 3])
+        for row in np.flatnonzero(is_gone != was_gone).tolist():
+            self._touch(row).gone_since = stamp if is_gone[row] else None
 
     def _follow_moves(self, stamp: float = math.inf) -> None:
         """Give moved objects, which appear as new tracks, their old ids.
@@ -423,6 +434,7 @@ class EvidenceMap:
         Args:
             stamp: of the newest frame [s]; infinite if there is none since the last call.
         """
+        self._note_times()
         for move in find_moves(self._tracks, self.config, stamp):
             (row,), (other,) = (self._tracks.rows_of([n]) for n in (move.gone, move.there))
             self._observed = {move.gone if n == move.there else n for n in self._observed}
@@ -463,9 +475,15 @@ class EvidenceMap:
         (row,) = self._tracks.rows_of([track.id])
         self._refresh_shape(row)
 
+    def _note_times(self) -> None:
+        """Update the stamps of the tracks that have changed since the last call."""
+        self._tracks.note_times(self._tracks.rows_of(self._outdated))
+        self._outdated.clear()
+
     def _touch(self, row: int) -> Track:
         """Return a track that is about to change, and keep a copy from before this frame."""
         track = self._tracks.objects[row]
-        if track.id not in self._touched:
+        self._outdated.add(track.id)
+        if self._touched is not None and track.id not in self._touched:
             self._touched[track.id] = track, track.copy()
         return track

@@ -20,11 +20,10 @@ from hypermap.core.embeddings import Embedding
 from hypermap.core.history import EARLIEST
 from hypermap.core.pictures import ObjectPicture, best_pictures
 from hypermap.mapping.columns import Column
+from hypermap.mapping.joined_views import JoinedViews
 from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.perception.depth_view import grounds
 from hypermap.perception.observation import Observation, ObservedObject
-
-NEAR = 0.5
-"""How far the voting grid of an object usually is beyond each of its footprints, at most [m]."""
 
 CONFIRMED = 4
 """Observations that confirm a track."""
@@ -75,29 +74,23 @@ class Evidence:
         return PreparedPolygon.of(self.visible_area)
 
     @cached_property
-    def near_edges(self) -> NDArray[np.float64]:
-        """The edges of the visible area that matter near the footprint, float64, shape (E, 5).
+    def seen(self) -> NDArray[np.float64]:
+        """What decides on its weight and place, shape (7,).
 
-        Whether a cell is in the area is decided by edges that cross its row, to its left. Those
-        are left out that do so for no cell within `NEAR` of the footprint's box.
+        The score, the distance to the camera over the floor [m], and the footprint's area [m²] and
+        box: xmin, ymin, xmax, ymax [m].
         """
-        _, ymin, xmax, ymax = self.prepared.box
-        edges = self.prepared_area.edges
-        x, y = edges[:, 0:3:2], edges[:, 1:4:2]
-        matters = (y.min(axis=1) <= ymax + NEAR) & (y.max(axis=1) >= ymin - NEAR)
-        near: NDArray[np.float64] = edges[matters & (x.min(axis=1) <= xmax + NEAR)]
-        return near
+        row: NDArray[np.float64] = _seen_of([self])[0]
+        return row
 
-    @cached_property
-    def seen(self) -> tuple[float, ...]:
-        """What decides on its weight and place: numbers, to make an array of those of many.
 
-        They are the score, the distance to the camera over the floor [m], and the footprint's area
-        [m²] and box: xmin, ymin, xmax, ymax [m].
-        """
-        x, y = self.map_T_camera[:2, 3].tolist()
-        distance = math.hypot(self.centroid_xy[0] - x, self.centroid_xy[1] - y)
-        return self.score, distance, self.prepared.area, *self.prepared.box
+def _seen_of(items: Sequence[Evidence]) -> NDArray[np.float64]:
+    """Return `Evidence.seen` of some pieces, shape (N, 7)."""
+    ways = np.array([item.centroid_xy - item.map_T_camera[:2, 3] for item in items])
+    shapes = [(item.score, 0.0, item.prepared.area, *item.prepared.box) for item in items]
+    found = np.array(shapes, np.float64)
+    found[:, 1] = np.hypot(ways[:, 0], ways[:, 1])
+    return found
 
 
 FoundEvidence: TypeAlias = list[tuple[ObservedObject, Evidence]]
@@ -130,7 +123,7 @@ def evidence_from_frames(
     if not shown:
         return [[] for _ in observations]
     footprints = footprints[is_usable]
-    areas = _rounded(as_objects(_seen_area(each, abstain) for each in shown))
+    areas = _rounded(_seen_areas(shown, abstain))
     polygons = PreparedPolygon.all_of([*footprints, *areas])
     shapes = zip(polygons, shapely.get_coordinates(shapely.centroid(footprints)), strict=False)
     seen = iter(polygons[len(footprints) :])
@@ -138,6 +131,9 @@ def evidence_from_frames(
     for each, objects in zip(observations, usable, strict=True):
         area = next(seen) if objects else None
         found.append([(one, _evidence(each, one, *next(shapes), area)) for one in objects])
+    items = [item for each in found for _, item in each]
+    for item, row in zip(items, _seen_of(items), strict=True):
+        vars(item)["seen"] = row
     return found
 
 
@@ -164,11 +160,16 @@ def _evidence(
     return evidence
 
 
-def _seen_area(observation: Observation, abstain: Literal["hidden", "outside"]) -> BaseGeometry:
-    view = observation.view
-    if abstain == "hidden" and view is not None and view.is_level:
-        return view.ground
-    return observation.visible_area
+def _seen_areas(
+    observations: Sequence[Observation], abstain: Literal["hidden", "outside"]
+) -> ObjectArray:
+    """Return the area that each frame has seen, shape (N,)."""
+    areas = as_objects(each.visible_area for each in observations)
+    if abstain == "hidden":
+        views = [each.view for each in observations]
+        levels = {n: view for n, view in enumerate(views) if view is not None and view.is_level}
+        areas[list(levels)] = as_objects(grounds(list(levels.values())))
+    return areas
 
 
 def _rounded(areas: ObjectArray) -> ObjectArray:
@@ -196,8 +197,10 @@ class EvidenceBuffer:
         self._surely_there: tuple[float, float] | None = None
         self._agreement: tuple[PreparedPolygon, float] | None = None
         self._angle: float | None = None
+        self._oldest, self._newest = math.inf, -math.inf  # stamps of all pieces
         self.items: list[Evidence] = []
         self._centroids = Column(np.empty((0, 2)))
+        self._views: JoinedViews | None = None  # made when it is needed
         self.count = 0
         self.score_sum = 0.0
         self.first_seen = np.inf
@@ -232,15 +235,20 @@ class EvidenceBuffer:
         vars(other).update(vars(self))
         other.items = list(self.items)
         other._centroids = self._centroids.copy()
+        other._views = None
         return other
 
     def add(self, evidence: Evidence) -> None:
         """Add one piece; the oldest one is dropped when the buffer is full."""
         self.items.append(evidence)
         self._centroids.append(evidence.centroid_xy)
+        if self._views is not None:
+            self._views.add(evidence)
         if len(self.items) > self._limit:
             del self.items[0]
             self._centroids.remove_first()
+            if self._views is not None:
+                self._views.remove_first()
         self._count(1, evidence.score, evidence.stamp, evidence.stamp)
 
     def merge(self, others: Iterable[EvidenceBuffer]) -> None:
@@ -251,15 +259,29 @@ class EvidenceBuffer:
             if other.embedding is not None:
                 self.embedding = other.embedding.plus(self.embedding)
             self._count(other.count, other.score_sum, other.first_seen, other.last_seen)
+            self._oldest = min(self._oldest, other._oldest)
+            self._newest = max(self._newest, other._newest)
         self.items = sorted(self.items, key=lambda evidence: evidence.stamp)[-self._limit :]
-        self._centroids = Column(np.empty((0, 2)))
+        self._centroids, self._views = Column(np.empty((0, 2))), None
         for evidence in self.items:
             self._centroids.append(evidence.centroid_xy)
+
+    @property
+    def has_gap(self) -> bool:
+        """Whether there may be pieces of more than one drive: some are `STALE` seconds apart."""
+        return self._newest - self._oldest > STALE
 
     @property
     def centroids(self) -> NDArray[np.float64]:
         """The centroids of the kept footprints [m], shape (N, 2)."""
         return self._centroids.values
+
+    @property
+    def views(self) -> JoinedViews:
+        """The kept evidence as arrays."""
+        if self._views is None:
+            self._views = JoinedViews(self.items)
+        return self._views
 
     def footprints(self) -> ObjectArray:
         """Return the kept footprints, shape (N,)."""
@@ -333,6 +355,7 @@ class EvidenceBuffer:
 
     def _count(self, count: int, score: float, first: float, last: float) -> None:
         self._heights = self._surely_there = self._agreement = self._angle = None
+        self._oldest, self._newest = min(self._oldest, first), max(self._newest, last)
         self.count += count
         self.score_sum += score
         if first > EARLIEST or not EARLIEST < self.first_seen < np.inf:  # a clock that was not set

@@ -11,6 +11,7 @@ import math
 import zlib
 from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -73,10 +74,22 @@ def floor_motion(before: NDArray[np.float64], after: NDArray[np.float64]) -> tup
     Returns:
         The transform of points from their old to their new places, and how far they rise [m].
     """
-    turn = after[:3, :3] @ before[:3, :3].T
-    yaw = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
-    x, y = after[:2, 3] - Pose2D(yaw=yaw).apply(before[:2, 3])[0]
-    return Pose2D(float(x), float(y), yaw), float(after[2, 3] - before[2, 3])
+    ((motion, rise),) = floor_motions(before[np.newaxis], after[np.newaxis])
+    return motion, rise
+
+
+def floor_motions(
+    before: NDArray[np.float64], after: NDArray[np.float64]
+) -> list[tuple[Pose2D, float]]:
+    """Return `floor_motion` of many cameras, whose poses have the shape (N, 4, 4)."""
+    turns = after[:, :3, :3] @ before[:, :3, :3].transpose(0, 2, 1)
+    yaws = np.arctan2(turns[:, 1, 0] - turns[:, 0, 1], turns[:, 0, 0] + turns[:, 1, 1])
+    c, s = np.cos(yaws), np.sin(yaws)
+    x, y = before[:, :2, 3].T
+    moves = after[:, :2, 3] - np.column_stack([c * x - s * y, s * x + c * y])
+    rises = (after[:, 2, 3] - before[:, 2, 3]).tolist()
+    motions = map(Pose2D, *moves.T.tolist(), yaws.tolist())
+    return list(zip(motions, rises, strict=True))
 
 
 def packed_frame(frame: LoggedFrame) -> bytes:
@@ -185,10 +198,16 @@ def _unpacked_view(
     if facts is None:
         return None
     height, width = facts["size"]
-    camera = Camera(np.array(facts["K"], np.float64), int(width), int(height))
-    flat = np.ascontiguousarray(arrays["reach"].reshape(2, -1).T).view(np.float16)
+    camera = _camera(tuple(map(tuple, facts["K"])), int(width), int(height))
+    low, high = arrays["reach"].reshape(2, -1).astype(np.uint16)
+    flat = (low | high << 8).astype("<u2").view("<f2")
     farthest = np.inf if facts["max_range"] is None else float(facts["max_range"])
     return DepthView(camera, pose, flat.reshape(height, width).astype(np.float32), farthest)
+
+
+@lru_cache(maxsize=4)
+def _camera(K: tuple[tuple[float, ...], ...], width: int, height: int) -> Camera:
+    return Camera(np.array(K, np.float64), width, height)  # all frames of a drive have the same
 
 
 def _packed_cells(seen: SeenCells | None) -> tuple[list[int] | None, _Arrays]:

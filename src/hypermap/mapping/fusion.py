@@ -39,7 +39,7 @@ def votes(
     corners_xy = agreed_corners(buffer, config, shifts)
     if len(corners_xy) == 0:  # smaller than a cell
         return best_shape(buffer, config)
-    return PreparedPolygon.of(cast("BaseGeometry", shapely.polygons(corners_xy)))
+    return PreparedPolygon.of_ring(corners_xy)
 
 
 Fusion: TypeAlias = Callable[[EvidenceBuffer, EvidenceConfig], PreparedPolygon]

@@ -10,7 +10,7 @@ import shapely
 
 from hypermap.mapping.evidence_buffer import CONFIRMED, STALE
 from hypermap.mapping.footprint_iou import footprint_ious
-from hypermap.mapping.occlusion import sample_points, visible_shares
+from hypermap.mapping.occlusion import visible_shares
 from hypermap.mapping.prepared_polygon import shared_area
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import Track, TrackTable
@@ -87,7 +87,7 @@ def _penalize_by_rays(
     """Lower the existence of tracks by the rays of a frame: misses and see-throughs."""
     near = tracks.shapes.within(_EVERYWHERE, view.position[:2], config.max_range)
     rows = tracks.excluding(near, observed)
-    samples = [tracks.shapes.polygons[row].cached(sample_points) for row in rows]
+    samples = tracks.shapes.samples(rows)
     seen = visible_shares(view, samples, tracks.shapes.heights[rows], config.tolerance)
     shown = tracks.rows_of(observed)
     is_absent, is_gone = (share >= _ABSENT * seen.visible for share in (seen.through, seen.beyond))
@@ -96,7 +96,7 @@ def _penalize_by_rays(
         if stamp - buffer.last_seen > STALE:
             loss = config.stale_loss if is_gone[i] else config.loss
             if not is_gone[i] and buffer.count >= _WELL_SEEN:
-                is_large = samples[i].width > 2 * config.tolerance
+                is_large = samples.widths[i] > 2 * config.tolerance
                 is_filled = is_large and 1 - seen.beyond[i] / seen.visible[i] >= _FILLED
                 if not is_filled or _touches_another(tracks, rows[i], shown):
                     loss = config.stale_miss

@@ -95,20 +95,16 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
 def _gone_and_new(tracks: TrackTable, config: EvidenceConfig) -> tuple[list[int], list[int]]:
     """Return the rows of gone tracks, and of new ones of their classes; both empty if one is."""
     objects = tracks.objects
-    times = np.array([track.buffer.surely_there for track in objects], np.float64).reshape(-1, 2)
-    first, last = times.T
-    edited = [row for row, track in enumerate(objects) if track.by_hand is not None]
-    is_there = tracks.existence > config.publish_above
-    is_there[edited] = False
+    first, last, last_seen, _ = tracks.times.T
+    is_there = (tracks.existence > config.publish_above) & ~tracks.is_edited
     newest = first[is_there].max(initial=-np.inf)
     is_gone = (tracks.existence <= GONE) & (last < newest)
     is_gone |= last < newest - STALE  # or may be, because it was not looked at yet
-    is_gone[edited] = False
+    is_gone &= ~tracks.is_edited
     gone = [row for row in is_gone.nonzero()[0].tolist() if objects[row].buffer.count >= CONFIRMED]
     if not gone:
         return [], []
-    now = max(track.buffer.last_seen for track in objects)
-    is_there &= first > now - STALE  # ids that people have known for longer stay
+    is_there &= first > last_seen.max() - STALE  # ids that people have known for longer stay
     is_there &= first > last[gone].min()
     names = {objects[row].name for row in gone}
     there = [row for row in is_there.nonzero()[0].tolist() if objects[row].name in names]
@@ -117,9 +113,8 @@ def _gone_and_new(tracks: TrackTable, config: EvidenceConfig) -> tuple[list[int]
 
 def _gone_since(tracks: TrackTable, gone: Sequence[int]) -> NDArray[np.float64]:
     """Return since when tracks are gone [s]; the newest stamp for those that may still be there."""
-    latest = max(track.buffer.surely_there[1] for track in tracks.objects)
-    since = [tracks.objects[row].gone_since for row in gone]
-    return np.array([latest if one is None else one for one in since], np.float64)
+    since = tracks.times[gone, 3]
+    return np.where(np.isnan(since), tracks.times[:, 1].max(), since)
 
 
 def _began(tracks: TrackTable, row: int) -> float:
@@ -230,6 +225,8 @@ def moved_within_place(
     Returns:
         None for an object that was not moved.
     """
+    if not buffer.has_gap:  # the usual case, which is fast
+        return None
     stamps = np.array([item.stamp for item in buffer.items])
     gaps = np.flatnonzero(np.diff(stamps) > STALE)
     if not len(gaps):
@@ -239,7 +236,7 @@ def moved_within_place(
     if len(fresh) < CONFIRMED or since < CONFIRMED:
         return None
     means = [part.mean(axis=0) for part in np.split(buffer.centroids, [since])]
-    if np.linalg.norm(means[1] - means[0]) < _LEAST / 2:  # the usual case, which is fast
+    if np.linalg.norm(means[1] - means[0]) < _LEAST / 2:  # fusing takes longer than all of this
         return None
     newer = _buffer_of(fresh, buffer, config)
     older = _buffer_of(buffer.items[:since], buffer, config)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.frames import Pose2D
-from hypermap.mapping.frame_log import LoggedFrame, floor_motion
+from hypermap.mapping.frame_log import LoggedFrame, floor_motions
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation, ObservedObject
 
@@ -30,17 +30,19 @@ def moved_frames(
         poses: new `map_T_camera` of each, shape (4, 4).
         resolution: side of a cell [m].
     """
-    pairs = zip(frames, poses, strict=True)
-    ways = [floor_motion(frame.observation.map_T_camera, pose) for frame, pose in pairs]
+    before = np.array([frame.observation.map_T_camera for frame in frames]).reshape(-1, 4, 4)
+    ways = floor_motions(before, np.asarray(poses).reshape(-1, 4, 4))
     motions = [motion for motion, _ in ways]
+    after = _in_space(ways) @ before
+    stay = (np.abs(after - before).max(axis=(1, 2)) <= ROUNDING).tolist()
     shapes = iter(_moved_shapes(frames, motions).tolist())
     return [
         LoggedFrame(
-            _moved(frame.observation, motion, lift, shapes),
+            _moved(frame.observation, pose, lift, stays, shapes),
             None if frame.seen is None else frame.seen.moved(motion, resolution),
             frame.finds_objects,
         )
-        for frame, (motion, lift) in zip(frames, ways, strict=True)
+        for frame, pose, (motion, lift), stays in zip(frames, after, ways, stay, strict=True)
     ]
 
 
@@ -65,10 +67,13 @@ def _moved_shapes(frames: Sequence[LoggedFrame], motions: Sequence[Pose2D]) -> O
 
 
 def _moved(
-    before: Observation, motion: Pose2D, lift: float, shapes: Iterator[shapely.Polygon]
+    before: Observation,
+    pose: NDArray[np.float64],
+    lift: float,
+    stays: bool,
+    shapes: Iterator[shapely.Polygon],
 ) -> Observation:
-    """Return an observation after a motion over the floor, with its next shapes."""
-    pose = _in_space(motion, lift) @ before.map_T_camera
+    """Return an observation after a motion over the floor, with its new pose and next shapes."""
     area = next(shapes)
     objects = tuple(
         ObservedObject(one.name, one.score, next(shapes), one.z_min + lift, one.z_max + lift)
@@ -77,13 +82,14 @@ def _moved(
     view = before.view
     if view is not None:
         view = DepthView(view.camera, pose, view.reach, view.max_range)
-    stays = np.abs(pose - before.map_T_camera).max() <= ROUNDING
     correction = before.correction if stays else (0.0, 0.0, 0.0)
     return Observation(before.stamp, pose, objects, area, view, correction)
 
 
-def _in_space(motion: Pose2D, lift: float) -> NDArray[np.float64]:
-    matrix = np.eye(4)
-    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = motion.matrix()
-    matrix[2, 3] = lift
-    return matrix
+def _in_space(ways: Sequence[tuple[Pose2D, float]]) -> NDArray[np.float64]:
+    """Return motions over the floor, each with a rise, in three dimensions, shape (N, 4, 4)."""
+    matrices = np.tile(np.eye(4), (len(ways), 1, 1))
+    rows = np.array([0, 1, 3])
+    matrices[:, rows[:, np.newaxis], rows] = [motion.matrix() for motion, _ in ways]
+    matrices[:, 2, 3] = [rise for _, rise in ways]
+    return matrices

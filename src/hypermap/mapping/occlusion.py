@@ -21,32 +21,50 @@ _FEWEST_RAYS = 10  # that must be able to hit an object; smaller ones cannot be 
 
 @dataclass(frozen=True, eq=False)
 class SamplePoints:
-    """Where the occlusion test samples an object.
+    """Where the occlusion test samples N objects.
 
     Attributes:
-        around: points of its contour [m], shape (8, 2).
-        xy: its center, and points between that and its contour [m], shape (9, 2).
-        width: the largest distance between opposite samples of its contour [m].
+        around: points of their contours [m], shape (N, 8, 2).
+        xy: their centers, and points between these and the contours [m], shape (N, 9, 2).
+        widths: the largest distance between opposite samples of each contour [m], shape (N,).
     """
 
     around: NDArray[np.float64]
     xy: NDArray[np.float64]
-    width: float
+    widths: NDArray[np.float64]
 
 
-def sample_points(shape: PreparedPolygon) -> SamplePoints:
-    """Return the sample points of an object, from the convex hull of its shape."""
-    around, xy = np.empty((8, 2)), np.empty((9, 2))
-    is_ring = isinstance(shape.geometry, shapely.Polygon) and not shape.geometry.interiors
-    if not (is_ring and _sample_hull(shape.edges, around, xy)):
-        hull = shapely.convex_hull(shape.geometry)
-        ring = shapely.get_exterior_ring(hull)
-        places = shapely.line_interpolate_point(ring, _AROUND, normalized=True)
-        around = shapely.get_coordinates(places)
-        xy[:1] = shapely.get_coordinates(shapely.centroid(hull))
-    xy[1:] = xy[0] + _INWARD * (around - xy[0])
-    across = np.linalg.norm(around[:4] - around[4:], axis=1)
-    return SamplePoints(around, xy, float(across.max()))
+def sample_points(shapes: Sequence[PreparedPolygon]) -> SamplePoints:
+    """Return the sample points of objects, from the convex hulls of their shapes."""
+    count = len(shapes)
+    found = SamplePoints(np.empty((count, 8, 2)), np.empty((count, 9, 2)), np.empty(count))
+    for n, (shape, around, xy) in enumerate(zip(shapes, found.around, found.xy, strict=True)):
+        if not (shape.is_ring and _sample_hull(shape.edges, around, xy)):
+            hull = shapely.convex_hull(shape.geometry)
+            ring = shapely.get_exterior_ring(hull)
+            places = shapely.line_interpolate_point(ring, _AROUND, normalized=True)
+            around[:] = shapely.get_coordinates(places)
+            xy[:1] = shapely.get_coordinates(shapely.centroid(hull))
+        found.widths[n] = _sample_inside(around, xy)
+    return found
+
+
+@loop()
+def _sample_inside(around: NDArray[np.float64], xy: NDArray[np.float64]) -> float:
+    """Sample an object between its center and its contour, and return its width [m].
+
+    Args:
+        around: as in `SamplePoints`, shape (8, 2).
+        xy: the first row is the center; the others are filled, shape (9, 2).
+    """
+    width, half = 0.0, len(around) // 2
+    for k in range(len(around)):
+        for axis in range(2):
+            xy[k + 1, axis] = xy[0, axis] + _INWARD * (around[k, axis] - xy[0, axis])
+    for k in range(half):
+        dx, dy = around[k, 0] - around[k + half, 0], around[k, 1] - around[k + half, 1]
+        width = max(width, np.sqrt(dx * dx + dy * dy))
+    return width
 
 
 @loop()
@@ -111,7 +129,7 @@ class SeenShares:
 
 
 def visible_shares(
-    view: DepthView, samples: Sequence[SamplePoints], heights: NDArray[np.float64], tolerance: float
+    view: DepthView, samples: SamplePoints, heights: NDArray[np.float64], tolerance: float
 ) -> SeenShares:
     """Return how much of each object a frame could see, and how much it saw through.
 
@@ -121,23 +139,22 @@ def visible_shares(
 
     Args:
         view: where the frame's rays ended.
-        samples: of each of the N objects.
+        samples: of the N objects.
         heights: lowest and highest point of each object [m], shape (N, 2).
         tolerance: error of the measured surface of an object [m].
     """
-    found = np.empty((3, len(samples)))
-    if samples:
-        _count_seen(
-            view.reach,
-            view.camera.K,
-            view.map_T_camera,
-            np.array([one.around for one in samples]),
-            np.array([one.xy for one in samples]),
-            np.array([one.width for one in samples]),
-            heights,
-            tolerance,
-            found,
-        )
+    found = np.empty((3, len(heights)))
+    _count_seen(
+        view.reach,
+        view.camera.K,
+        view.map_T_camera,
+        samples.around,
+        samples.xy,
+        samples.widths,
+        heights,
+        tolerance,
+        found,
+    )
     return SeenShares(*found)
 
 

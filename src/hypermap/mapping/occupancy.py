@@ -7,6 +7,7 @@ OctoMap, Autonomous Robots 2013.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 
 import numpy as np
@@ -136,6 +137,15 @@ class OccupancyMapper:
     def go_on_with(self, first: NDArray[np.int64], log_odds: NDArray[np.float32]) -> None:
         """Take over the evidence of a mapper with the same configuration; see `log_odds`."""
         self._first, self._log_odds = first, log_odds
+
+    def make_room(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+        """Make room between two corners [m], shape (2,) each, so that the grid is not copied often.
+
+        Where that is too much, the grid grows as it must.
+        """
+        first, last = self._world.cells_at(np.array([low, high]))
+        with suppress(HypermapError):
+            self._cover(first, last)
 
     def _seen_by(self, rays: Rays, min_points: int) -> SeenCells | None:
         bounds = rays.bounds()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap._loops import loop
-from hypermap.core.arrays import ObjectArray, as_objects
+from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 
 _POLYGON = 3  # shapely's number of this type
 _NOTHING = 1e-12  # share of a shape's area; less is rounding, where shapes only touch
@@ -26,28 +27,37 @@ class PreparedPolygon:
     """A polygon with derived values that are computed once, like a prepared geometry of GEOS.
 
     Attributes:
-        geometry: polygon or multipolygon in the map frame [m]; may be empty.
         box: xmin, ymin, xmax, ymax [m], NaN if empty.
         area: of the geometry [m²].
         edges: of all rings: x0, y0, x1, y1 [m], and 1 if the inside is to the left of the edge or
             -1 if it is to the right, float64, shape (E, 5).
+        is_ring: whether it is one polygon without holes.
     """
 
-    geometry: BaseGeometry
     box: Box
     area: float
     edges: NDArray[np.float64]
+    is_ring: bool
     _cache: dict[object, Any] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def geometry(self) -> BaseGeometry:
+        """Polygon or multipolygon in the map frame [m]; may be empty."""
+        return cast("BaseGeometry", shapely.polygons(self.edges[:, :2]))  # others are kept
 
     @classmethod
     def of(cls, geometry: BaseGeometry) -> PreparedPolygon:
         """Prepare one geometry."""
         if isinstance(geometry, shapely.Polygon) and not shapely.get_num_interior_rings(geometry):
-            points = shapely.get_coordinates(geometry)
-            edges = np.empty((max(len(points) - 1, 0), 5))
-            x0, y0, x1, y1, area = _measure_ring(points, edges)
-            return cls(geometry, (x0, y0, x1, y1), area, edges)
+            return cls.of_ring(shapely.get_coordinates(geometry))._keeping(geometry)
         return cls.all_of([geometry])[0]
+
+    @classmethod
+    def of_ring(cls, points: NDArray[np.float64]) -> PreparedPolygon:
+        """Prepare a polygon, given its closed ring [m], shape (P, 2); empty without points."""
+        edges = np.empty((max(len(points) - 1, 0), 5))
+        x0, y0, x1, y1, area = _measure_ring(points, edges)
+        return cls((x0, y0, x1, y1), area, edges, is_ring=True)
 
     @classmethod
     def all_of(cls, geometries: Sequence[BaseGeometry]) -> list[PreparedPolygon]:
@@ -55,13 +65,18 @@ class PreparedPolygon:
         shapes = as_objects(geometries)
         boxes = shapely.bounds(shapes).tolist()
         areas = shapely.area(shapes).tolist()
-        edges, first = _edges_of(shapes)
+        is_ring = _are_rings(shapes)
+        edges, first = _edges_of(shapes, is_ring)
+        columns = geometries, boxes, areas, first[:-1], first[1:], is_ring.tolist()
         return [
-            cls(geometry, tuple(box), area, edges[begin:end])
-            for geometry, box, area, begin, end in zip(
-                geometries, boxes, areas, first[:-1], first[1:], strict=True
-            )
+            cls(tuple(box), area, edges[begin:end], alone)._keeping(geometry)
+            for geometry, box, area, begin, end, alone in zip(*columns, strict=True)
         ]
+
+    def _keeping(self, geometry: BaseGeometry) -> PreparedPolygon:
+        """Return itself with the geometry that it was made of."""
+        vars(self)["geometry"] = geometry
+        return self
 
     def cached(self, make: Callable[..., T], *arguments: Hashable) -> T:
         """Return the result of a function, which is called once for this polygon and arguments.
@@ -147,10 +162,14 @@ def _measure_ring(
     return xmin, ymin, xmax, ymax, abs(twice_area / 2)
 
 
-def _edges_of(shapes: ObjectArray) -> tuple[NDArray[np.float64], list[int]]:
+def _are_rings(shapes: ObjectArray) -> BoolArray:
+    """Return which shapes are single polygons without holes, shape (N,)."""
+    is_polygon = shapely.get_type_id(shapes) == _POLYGON
+    return np.asarray(is_polygon & (shapely.get_num_interior_rings(shapes) == 0))
+
+
+def _edges_of(shapes: ObjectArray, is_ring: BoolArray) -> tuple[NDArray[np.float64], list[int]]:
     """Return the edges of all shapes, and where those of each begin and the last ones end."""
-    is_ring = shapely.get_type_id(shapes) == _POLYGON
-    is_ring &= shapely.get_num_interior_rings(shapes) == 0
     if is_ring.all():  # the usual case: the points of each shape are those of its only ring
         rings, shape_of_ring = shapely.get_exterior_ring(shapes), np.arange(len(shapes))
         is_hole = np.zeros(len(shapes), dtype=bool)

@@ -65,13 +65,13 @@ class SecondLook:
         heights = [item.attributes.get(name) for name in ("z_min", "z_max")]
         if item.footprint.is_empty or not all(isinstance(one, int | float) for one in heights):
             return 0, 0
-        samples, config = sample_points(PreparedPolygon.of(item.footprint)), self.config.evidence
+        samples, config = sample_points([PreparedPolygon.of(item.footprint)]), self.config.evidence
         shown = detected = 0
         for frame in self._frames_near(item, rows):
             view = frame.observation.view
             if view is None or not frame.finds_objects:
                 continue
-            seen = visible_shares(view, [samples], np.array([heights], float), config.tolerance)
+            seen = visible_shares(view, samples, np.array([heights], float), config.tolerance)
             if seen.visible[0] >= _VISIBLE:
                 shown += 1
                 detected += _detects(frame, item)

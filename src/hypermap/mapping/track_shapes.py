@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import compress
 from typing import TypeAlias
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.mapping.columns import Column
+from hypermap.mapping.occlusion import SamplePoints, sample_points
 from hypermap.mapping.prepared_polygon import Box, PreparedPolygon
 
 Rows: TypeAlias = list[int]
@@ -31,6 +33,9 @@ class TrackShapes:
         self._classes = Column(np.empty(0, dtype=np.int64))
         self._boxes = Column(np.empty((0, 4)))
         self._heights = Column(np.empty((0, 2)))
+        self._around = Column(np.empty((0, 8, 2)))
+        self._xy = Column(np.empty((0, 9, 2)))
+        self._widths = Column(np.empty(0))  # NaN until the row is sampled
 
     def copy(self) -> TrackShapes:
         """Return an independent copy."""
@@ -39,6 +44,9 @@ class TrackShapes:
         other._classes = self._classes.copy()
         other._boxes = self._boxes.copy()
         other._heights = self._heights.copy()
+        other._around = Column(np.empty_like(self._around.values))  # faster than a copy
+        other._xy = Column(np.empty_like(self._xy.values))
+        other._widths = Column(np.full(len(self), math.nan))
         return other
 
     def __len__(self) -> int:
@@ -71,17 +79,33 @@ class TrackShapes:
         self._classes.append(class_)
         self._boxes.append(shape.box)
         self._heights.append(heights)
+        self._around.append(math.nan)
+        self._xy.append(math.nan)
+        self._widths.append(math.nan)
         return len(self) - 1
 
     def replace(self, row: int, shape: PreparedPolygon) -> None:
         """Replace the shape in a row."""
         self.polygons[row] = shape
         self.boxes[row] = shape.box
+        self._widths.values[row] = math.nan
+
+    def samples(self, rows: Sequence[int]) -> SamplePoints:
+        """Return the sample points of the shapes in some rows."""
+        chosen = np.array(rows, np.int64)
+        around, xy, widths = self._around.values, self._xy.values, self._widths.values
+        new = chosen[np.isnan(widths[chosen])]
+        if len(new):
+            found = sample_points([self.polygons[row] for row in new.tolist()])
+            around[new], xy[new], widths[new] = found.around, found.xy, found.widths
+        return SamplePoints(around[chosen], xy[chosen], widths[chosen])
 
     def keep(self, wanted: BoolArray) -> None:
         """Remove the rows that are not wanted, shape (N,)."""
         for column in (self._classes, self._boxes, self._heights):
             column.keep(wanted)
+        for samples in (self._around, self._xy, self._widths):
+            samples.keep(wanted)
         self.polygons = list(compress(self.polygons, wanted))
 
     def near(self, class_: int | None, box: Box) -> Rows:
@@ -99,12 +123,34 @@ class TrackShapes:
             position: x and y of the place [m], shape (2,).
             max_range: largest distance from the place [m].
         """
-        xmin, ymin, xmax, ymax = limits
-        left, bottom, right, top = self.boxes.T
-        is_inside = (left >= xmin) & (bottom >= ymin) & (right <= xmax) & (top <= ymax)
-        dx, dy = (left + right) / 2 - position[0], (bottom + top) / 2 - position[1]
-        rows: Rows = (is_inside & (np.hypot(dx, dy) <= max_range)).nonzero()[0].tolist()
+        found = np.empty(len(self), np.int64)
+        count = _within(self.boxes, limits, (position[0], position[1], max_range), found)
+        rows: Rows = found[:count].tolist()
         return rows
+
+
+@loop()
+def _within(
+    boxes: NDArray[np.float64], limits: Box, circle: tuple[float, float, float], found: IntArray
+) -> int:
+    """Find the boxes within limits whose centers are in a circle, and return how many there are.
+
+    Args:
+        boxes: as `TrackShapes.boxes`.
+        limits: xmin, ymin, xmax, ymax [m].
+        circle: x and y of its center, and its radius [m].
+        found: filled with their rows, shape (N,).
+    """
+    count = 0
+    for row in range(len(boxes)):
+        left, bottom, right, top = boxes[row, 0], boxes[row, 1], boxes[row, 2], boxes[row, 3]
+        is_inside = left >= limits[0] and bottom >= limits[1]
+        is_inside = is_inside and right <= limits[2] and top <= limits[3]
+        dx, dy = (left + right) / 2 - circle[0], (bottom + top) / 2 - circle[1]
+        if is_inside and np.hypot(dx, dy) <= circle[2]:
+            found[count] = row
+            count += 1
+    return count
 
 
 @loop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Sequence
@@ -102,6 +103,8 @@ class TrackTable:
         self._existence = Column(np.empty(0))
         self._spared = Column(np.empty(0))
         self._misses = Column(np.empty(0, np.int64))
+        self._times = Column(np.empty((0, 4)))
+        self._is_edited = Column(np.empty(0, np.bool_))
         self._max_existence = max_existence
         self.next_id = 0
 
@@ -113,6 +116,8 @@ class TrackTable:
         other._existence = self._existence.copy()
         other._spared = self._spared.copy()
         other._misses = self._misses.copy()
+        other._times = self._times.copy()
+        other._is_edited = self._is_edited.copy()
         other.next_id = self.next_id
         return other
 
@@ -137,6 +142,25 @@ class TrackTable:
         """How often each track was missed, see-throughs apart, int64, shape (N,)."""
         return self._misses.values
 
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """The stamps of each track [s], shape (N, 4).
+
+        From when on and up to when it surely was there (`surely_there`), when it was last seen,
+        and since when it is gone, NaN if it is not. `note_times` updates them.
+        """
+        return self._times.values
+
+    @property
+    def is_edited(self) -> BoolArray:
+        """Whether people had edited each track when it was added, shape (N,)."""
+        return self._is_edited.values
+
+    def note_times(self, rows: Sequence[int]) -> None:
+        """Update `times` after the evidence for some tracks, or their `gone_since`, changed."""
+        for row in rows:
+            self._times.values[row] = _times_of(self.objects[row])
+
     def append(self, name: str, class_: int, evidence: Evidence, max_evidence: int) -> int:
         """Add a track with the shape of some evidence, but without evidence; return its row."""
         track = Track(self.next_id, name, EvidenceBuffer(max_evidence))
@@ -159,6 +183,8 @@ class TrackTable:
         self._existence.append(existence)
         self._misses.append(missed[0])
         self._spared.append(missed[1])
+        self._times.append(_times_of(track))
+        self._is_edited.append(track.by_hand is not None)
         self.next_id = max(self.next_id, track.id + 1)
         return self.shapes.append(class_, shape, heights)
 
@@ -172,6 +198,8 @@ class TrackTable:
         self._existence.keep(wanted)
         self._spared.keep(wanted)
         self._misses.keep(wanted)
+        self._times.keep(wanted)
+        self._is_edited.keep(wanted)
 
     def missed(self, row: int) -> tuple[int, float]:
         """Return how often a track was missed, and how much existence it was spared."""
@@ -207,6 +235,11 @@ class TrackTable:
     def excluding(self, rows: Rows, ids: Collection[int]) -> Rows:
         """Return the rows whose tracks have none of these ids."""
         return [row for row in rows if self.objects[row].id not in ids]
+
+
+def _times_of(track: Track) -> tuple[float, float, float, float]:
+    gone = math.nan if track.gone_since is None else track.gone_since
+    return (*track.buffer.surely_there, track.buffer.last_seen, gone)
 
 
 def _rounded(existence: float) -> float:

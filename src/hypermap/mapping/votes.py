@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,8 @@ from numpy.typing import NDArray
 
 from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray, IntArray
-from hypermap.mapping.evidence_buffer import NEAR, Evidence, EvidenceBuffer
+from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.joined_views import NEAR
 from hypermap.mapping.stages import EvidenceConfig
 
 _MAX_CELLS_PER_SIDE = 128
@@ -39,26 +39,33 @@ def agreed_corners(
 
     Returns:
         The corners of the convex hull of these cells in the map frame [m], clockwise from the left
-        one of the lowest, shape (M, 2); M is 0 if no cell belongs to the object.
+        one of the lowest back to it, shape (M, 2); M is 0 if no cell belongs to the object.
     """
-    items = buffer.items
-    seen = np.array([evidence.seen for evidence in items])
-    weights = seen[:, 0] if seen[:, 0].any() else np.ones(len(items))
-    if config.half_weight < np.inf:
-        weights = weights / (1 + (seen[:, 1] / config.half_weight) ** 2)
-    moves = np.zeros((len(items), 2)) if shifts is None else shifts
-    if config.align > 0:
-        moves = moves + aligning_moves(seen[:, 2], buffer.centroids + moves, weights, config.align)
-    low, high = np.fmin.reduce(seen[:, 3:5] + moves), np.fmax.reduce(seen[:, 5:] + moves)
-    grid = _voting_grid((*low.tolist(), *high.tolist()), config.vote_resolution)
-    is_unbounded = [len(evidence.prepared_area.edges) == 0 for evidence in items]
-    unbounded_votes = float(weights[is_unbounded].sum()) if any(is_unbounded) else 0.0
+    views = buffer.views
+    weights, moves = np.empty(len(buffer)), np.empty((len(buffer), 2))
+    unbounded_votes, *box = _weigh(
+        views.seen,
+        views.counts,
+        buffer.centroids,
+        np.zeros_like(moves) if shifts is None else shifts,
+        (config.half_weight, config.align),
+        np.empty(len(buffer), np.int64),
+        np.empty_like(moves),
+        weights,
+        moves,
+    )
+    grid = _voting_grid(box, config.vote_resolution)
+    area_edges, area_counts = views.near, views.counts
+    if not grid.is_within(views.seen):
+        area_edges, area_counts = _whole_areas(buffer.items, views.counts)
     steps = np.zeros((2, grid.height, grid.width + 1))
-    corners = np.empty((4 * grid.height, 2), np.int64)
+    corners = np.empty((4 * grid.height + 1, 2), np.int64)
     count = _hull_of_votes(
-        *_joined([evidence.prepared.edges for evidence in items]),
-        *_joined(_edges_of_areas(items, seen, grid)),
-        np.ascontiguousarray(weights),
+        views.edges,
+        views.counts,
+        area_edges,
+        area_counts,
+        weights,
         moves,
         grid.place,
         steps,
@@ -69,107 +76,150 @@ def agreed_corners(
     return grid.points(corners[:count])
 
 
-def aligning_moves(
-    areas: NDArray[np.float64],
+@loop()
+def _weigh(
+    seen: NDArray[np.float64],
+    counts: IntArray,
+    centroids: NDArray[np.float64],
+    shifts: NDArray[np.float64],
+    limits: tuple[float, float],
+    order: IntArray,
+    places: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    moves: NDArray[np.float64],
+) -> tuple[float, float, float, float, float]:
+    """Find the weights of the views, and the translations of their footprints.
+
+    Args:
+        seen: as `JoinedViews.seen`, as `counts`.
+        counts: likewise.
+        centroids: of the footprints [m], shape (N, 2).
+        shifts: as in `agreed_corners`, but zeros for none.
+        limits: the settings `half_weight` and `align` [m].
+        order: room for the order of the views, shape (N,).
+        places: room for the centroids after the shifts, shape (N, 2).
+        weights: filled, shape (N,).
+        moves: filled [m], shape (N, 2).
+
+    Returns:
+        The votes of the views that have seen everything; and the box around the footprints after
+        the translations: xmin, ymin, xmax, ymax [m].
+    """
+    count = len(seen)
+    has_scores = False
+    for i in range(count):
+        has_scores = has_scores or seen[i, 0] != 0
+    unbounded = 0.0
+    for i in range(count):
+        far = seen[i, 1] / limits[0]
+        weights[i] = (seen[i, 0] if has_scores else 1.0) / (1 + far * far)
+        if counts[i, 1] < 0:
+            unbounded += weights[i]
+        for axis in range(2):
+            moves[i, axis] = shifts[i, axis]
+            places[i, axis] = centroids[i, axis] + shifts[i, axis]
+    if limits[1] > 0:
+        _align(seen, 2, places, weights, limits[1], order, moves)
+    xmin = ymin = np.inf
+    xmax = ymax = -np.inf
+    for i in range(count):
+        xmin, ymin = min(xmin, seen[i, 3] + moves[i, 0]), min(ymin, seen[i, 4] + moves[i, 1])
+        xmax, ymax = max(xmax, seen[i, 5] + moves[i, 0]), max(ymax, seen[i, 6] + moves[i, 1])
+    return unbounded, xmin, ymin, xmax, ymax
+
+
+@loop()
+def _align(
+    views: NDArray[np.float64],
+    area: int,
     centroids: NDArray[np.float64],
     weights: NDArray[np.float64],
     limit: float,
-) -> NDArray[np.float64]:
-    """Return translations that align footprints, because pose drift would blur the shape.
+    order: IntArray,
+    moves: NDArray[np.float64],
+) -> None:
+    """Add translations that align footprints, because pose drift would blur the shape.
 
     Footprints of about the whole object are moved so that their centroids meet at the weighted
     median. Partial views stay, because their centroids may differ.
 
     Args:
-        areas: of the footprints [m²], shape (N,).
+        views: an array that has the areas of the footprints [m²] in a column, shape (N, C).
+        area: this column.
         centroids: of the footprints [m], shape (N, 2).
         weights: positive, shape (N,).
         limit: footprints farther than this from the median stay [m].
-
-    Returns:
-        Translations [m], shape (N, 2).
+        order: room for their order, shape (N,).
+        moves: translations [m], to which these are added, shape (N, 2).
     """
-    moves = np.empty(centroids.shape)
-    order = np.argsort(centroids, axis=0, kind="stable")
-    _fill_moves(order, shows_whole(areas), centroids, weights, limit, moves)
-    return moves
-
-
-@loop()
-def _fill_moves(
-    order: IntArray,
-    is_whole: BoolArray,
-    centroids: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    limit: float,
-    moves: NDArray[np.float64],
-) -> None:
-    """Find the translations of `aligning_moves`.
-
-    Args:
-        order: of the centroids by x and by y, shape (N, 2).
-        is_whole: which footprints show about the whole object, at least one, shape (N,).
-        centroids: as in `aligning_moves`, and so on.
-        weights: likewise.
-        limit: likewise.
-        moves: filled, shape (N, 2).
-    """
-    count = len(weights)
+    least = _least_whole(views, area, order)
+    x = y = 0.0
     for axis in range(2):
-        total = 0.0
-        for k in range(count):
-            if is_whole[order[k, axis]]:
-                total += weights[order[k, axis]]
-        so_far, median = 0.0, 0.0
-        for k in range(count):
-            i = order[k, axis]
-            if is_whole[i]:
-                so_far += weights[i]
-                median = centroids[i, axis]
-                if so_far >= total / 2:
-                    break
-        for i in range(count):
-            moves[i, axis] = median - centroids[i, axis]
-    for i in range(count):
-        if not is_whole[i] or np.hypot(moves[i, 0], moves[i, 1]) > limit:
-            moves[i, 0] = moves[i, 1] = 0.0
+        _sort(centroids, axis, order)
+        total = so_far = 0.0
+        for k in range(len(order)):
+            if views[order[k], area] >= least:
+                total += weights[order[k]]
+        x, y = y, 0.0
+        for k in range(len(order)):
+            if views[order[k], area] >= least and so_far < total / 2:
+                so_far += weights[order[k]]
+                y = centroids[order[k], axis]
+    for i in range(len(order)):
+        dx, dy = x - centroids[i, 0], y - centroids[i, 1]
+        if views[i, area] >= least and np.hypot(dx, dy) <= limit:
+            moves[i, 0] += dx
+            moves[i, 1] += dy
 
 
 def shows_whole(areas: NDArray[np.float64]) -> BoolArray:
     """Return which footprints, by their areas [m²], show about the whole object, shape (N,)."""
-    ranked = np.sort(areas)
-    place = 0.75 * (len(areas) - 1)
-    below = int(place)
-    above, share = min(below + 1, len(areas) - 1), place - below
-    return np.asarray(areas >= _WHOLE * (ranked[below] * (1 - share) + ranked[above] * share))
+    column = np.ascontiguousarray(areas, np.float64)[:, np.newaxis]
+    return np.asarray(areas >= _least_whole(column, 0, np.empty(len(areas), np.int64)))
 
 
-def _joined(
-    edges: Sequence[NDArray[np.float64]],
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the edges of N polygons, shape (E, 5), and the offsets of each, shape (N + 1,)."""
-    first = np.array([0, *accumulate(map(len, edges))], np.int64)
-    return np.concatenate(edges), first
-
-
-def _edges_of_areas(
-    items: Sequence[Evidence], seen: NDArray[np.float64], grid: _VotingGrid
-) -> list[NDArray[np.float64]]:
-    """Return those edges of the visible areas of some evidence that matter for the votes.
+@loop()
+def _least_whole(views: NDArray[np.float64], area: int, order: IntArray) -> float:
+    """Return the least area of a footprint that shows about the whole object [m²].
 
     Args:
-        items: the evidence.
-        seen: `Evidence.seen` of each, shape (N, 7).
-        grid: on which they vote.
+        views: as in `_align`.
+        area: likewise.
+        order: likewise.
     """
-    left, bottom, resolution = grid.place
-    right, top = left + grid.width * resolution, bottom + grid.height * resolution
-    return [
-        evidence.near_edges
-        if ymin - NEAR <= bottom and ymax + NEAR >= top and xmax + NEAR >= right
-        else evidence.prepared_area.edges
-        for evidence, (ymin, xmax, ymax) in zip(items, seen[:, 4:].tolist(), strict=True)
-    ]
+    _sort(views, area, order)
+    place = 0.75 * (len(order) - 1)
+    below = int(place)
+    above, share = min(below + 1, len(order) - 1), place - below
+    low, high = views[order[below], area], views[order[above], area]
+    return float(_WHOLE * (low * (1 - share) + high * share))
+
+
+@inner_loop()
+def _sort(rows: NDArray[np.float64], column: int, order: IntArray) -> None:
+    """Find the order of rows by one column; equals stay in order.
+
+    There are a few dozen, which come almost in order.
+
+    Args:
+        rows: shape (N, C).
+        column: by which to sort.
+        order: filled, shape (N,).
+    """
+    for k in range(len(order)):
+        place = k
+        while place > 0 and rows[order[place - 1], column] > rows[k, column]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = k
+
+
+def _whole_areas(
+    items: Sequence[Evidence], counts: IntArray
+) -> tuple[NDArray[np.float64], IntArray]:
+    """Return the edges of all visible areas, and their numbers as in `JoinedViews.counts`."""
+    edges = [evidence.prepared_area.edges for evidence in items]
+    return np.concatenate(edges), np.column_stack([counts[:, 0], [len(one) for one in edges]])
 
 
 class _VotingGrid(NamedTuple):
@@ -179,6 +229,12 @@ class _VotingGrid(NamedTuple):
     height: int
     place: tuple[float, float, float]
 
+    def is_within(self, seen: NDArray[np.float64]) -> bool:
+        """Return whether no cell is farther than `NEAR` from a footprint, by `JoinedViews.seen`."""
+        left, bottom, resolution = self.place
+        right, top = left + self.width * resolution, bottom + self.height * resolution
+        return bool(_is_within((bottom, right, top), seen))
+
     def points(self, corners: IntArray) -> NDArray[np.float64]:
         """Return where corners of cells, (col, row), are [m], shape (N, 2)."""
         left, bottom, resolution = self.place
@@ -186,7 +242,22 @@ class _VotingGrid(NamedTuple):
         return points
 
 
-def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> _VotingGrid:
+@loop()
+def _is_within(grid: tuple[float, float, float], seen: NDArray[np.float64]) -> bool:
+    """Return whether a grid is near each footprint: `_VotingGrid.is_within`.
+
+    Args:
+        grid: its ymin, xmax and ymax [m].
+        seen: as `JoinedViews.seen`.
+    """
+    for i in range(len(seen)):
+        ymin, xmax, ymax = seen[i, 4] - NEAR, seen[i, 5] + NEAR, seen[i, 6] + NEAR
+        if not (ymin <= grid[0] and xmax >= grid[1] and ymax >= grid[2]):
+            return False
+    return True
+
+
+def _voting_grid(box: Sequence[float], resolution: float) -> _VotingGrid:
     """Return a grid over a box, aligned to its resolution and of bounded size."""
     xmin, ymin, xmax, ymax = box
     resolution = max(resolution, max(xmax - xmin, ymax - ymin) / _MAX_CELLS_PER_SIDE)
@@ -201,9 +272,9 @@ def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> _
 @loop()
 def _hull_of_votes(
     edges: NDArray[np.float64],
-    first: IntArray,
+    counts: IntArray,
     area_edges: NDArray[np.float64],
-    area_first: IntArray,
+    area_counts: IntArray,
     weights: NDArray[np.float64],
     moves: NDArray[np.float64],
     place: tuple[float, float, float],
@@ -215,10 +286,10 @@ def _hull_of_votes(
     """Find the convex hull of the accepted cells, and return how many corners it has.
 
     Args:
-        edges: of all footprints, as `PreparedPolygon.edges`.
-        first: offsets of the edges of each, shape (N + 1,).
+        edges: of all footprints, as `JoinedViews.edges`, as `counts`.
+        counts: likewise.
         area_edges: of all visible areas.
-        area_first: likewise.
+        area_counts: likewise, shape (N, 2).
         weights: of the views, shape (N,).
         moves: translations of the footprints [m], shape (N, 2).
         place: of the grid, as in `_VotingGrid`.
@@ -226,11 +297,11 @@ def _hull_of_votes(
             cell, and of all votes on it.
         votes: those cast on all cells, and the share of all votes that a cell needs.
         ends: filled with the last accepted cell of each row, -1 for none, shape (height,).
-        corners: filled with them, (col, row), clockwise from the left
-            one of the lowest, shape (4 height, 2).
+        corners: filled with them, (col, row), clockwise from the left one of the lowest back to
+            it, shape (4 height + 1, 2).
     """
-    _add_steps(edges, first, weights, moves, 1.0, place, steps[0])
-    _add_steps(area_edges, area_first, weights, moves, 0.0, place, steps[1])
+    _add_steps(edges, counts, 0, weights, moves, 1.0, place, steps[0])
+    _add_steps(area_edges, area_counts, 1, weights, moves, 0.0, place, steps[1])
     height = steps.shape[1]
     begin = count = int(np.int64(0))  # `_with_corner` would be compiled once more for a constant
     for row in range(height):  # up the left side
@@ -243,6 +314,9 @@ def _hull_of_votes(
         if ends[row] >= 0:
             count = _with_corner(corners, count, begin, ends[row] + 1, row + 1)
             count = _with_corner(corners, count, begin, ends[row] + 1, row)
+    if count:
+        corners[count, 0], corners[count, 1] = corners[0, 0], corners[0, 1]
+        count += 1
     return count
 
 
@@ -270,7 +344,8 @@ def _with_corner(corners: IntArray, count: int, begin: int, col: int, row: int) 
 @loop()
 def _add_steps(
     edges: NDArray[np.float64],
-    first: IntArray,
+    counts: IntArray,
+    column: int,
     weights: NDArray[np.float64],
     moves: NDArray[np.float64],
     moved: float,
@@ -284,7 +359,8 @@ def _add_steps(
 
     Args:
         edges: of all polygons, as `PreparedPolygon.edges`.
-        first: offsets of the edges of each of N polygons, shape (N + 1,).
+        counts: of the edges of each of N polygons, shape (N, 2).
+        column: which of the two counts it is.
         weights: of the polygons, shape (N,).
         moves: translations applied to the polygons first [m], shape (N, 2).
         moved: share of these that is applied.
@@ -294,9 +370,11 @@ def _add_steps(
     height, width = steps.shape[0], steps.shape[1] - 1
     scale = 1 / place[2]
     x_begin, y_begin = -place[0] * scale, -place[1] * scale
+    begin = end = int(np.int64(0))
     for polygon in range(len(weights)):
+        begin, end = end, end + max(counts[polygon, column], 0)
         x_move, y_move = moved * moves[polygon, 0], moved * moves[polygon, 1]
-        for e in range(first[polygon], first[polygon + 1]):
+        for e in range(begin, end):
             # In cells, whose centers are at integers.
             x0 = (edges[e, 0] + x_move) * scale + x_begin - 0.5
             y0 = (edges[e, 1] + y_move) * scale + y_begin - 0.5

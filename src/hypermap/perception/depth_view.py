@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -12,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap._loops import loop
 from hypermap.core.arrays import FloatArray, IntArray
 from hypermap.perception.frame import Camera, RgbdFrame
 
@@ -89,16 +91,102 @@ class DepthView:
         the points, it does not extend behind walls. It begins where the nearest of all rays ended;
         in columns without any return, it is the area nearer than that.
         """
-        is_return = (self.reach > 0) & (self.reach <= self.max_range) & (self.reach < np.inf)
-        reach = np.where(is_return, self.reach, 0.0)
-        farthest = reach.max(axis=0)
-        if np.count_nonzero(farthest) < 2:
-            return shapely.Polygon()
-        middle = np.array([self.camera.height // 2])
-        rays = _horizontal_rays(self.camera, self.map_T_camera, middle)[:, 0]
-        directions = (rays / np.hypot(*rays)).T
-        nearest = reach[reach > 0].min()
-        return _ground(directions, farthest, nearest, self.position[:2])
+        return grounds([self])[0]
+
+
+def grounds(views: Sequence[DepthView]) -> list[BaseGeometry]:
+    """Return `ground` of each view, which is faster than one by one."""
+    rings = [np.empty((2 * view.camera.width + 1, 2)) for view in views]
+    counts = [_ground_ring(view, ring) for view, ring in zip(views, rings, strict=True)]
+    points = [ring[:count] for ring, count in zip(rings, counts, strict=True) if count > 0]
+    made: Iterator[BaseGeometry] = iter(())
+    if points:
+        owners = np.repeat(np.arange(len(points)), [len(ring) for ring in points])
+        rounds = shapely.linearrings(np.vstack(points), indices=owners)
+        made = iter(np.asarray(shapely.polygons(rounds)))
+    found = []
+    for view, count in zip(views, counts, strict=True):
+        if count > 0:
+            found.append(next(made))
+        else:
+            found.append(_ground_in_pieces(view) if count < 0 else shapely.Polygon())
+    return found
+
+
+def _ground_ring(view: DepthView, ring: NDArray[np.float64]) -> int:
+    """Fill in the closed ring of the ground of a view, and return the number of its points.
+
+    0 if there is no ground; -1 if it needs to be put together of pieces.
+    """
+    # A depth is compared as what it is: a float32.
+    limit = np.float32(view.max_range)
+    return int(_fill_ground(view.reach, view.camera.K, view.map_T_camera, limit, ring))
+
+
+@loop()
+def _fill_ground(
+    reach: NDArray[np.float32],
+    K: NDArray[np.float64],
+    map_T_camera: NDArray[np.float64],
+    max_range: np.float32,
+    ring: NDArray[np.float64],
+) -> int:
+    """Do the work of `_ground_ring`.
+
+    Args:
+        reach: of the view, as its `K`, `map_T_camera` and `max_range`.
+        K: likewise.
+        map_T_camera: likewise.
+        max_range: likewise.
+        ring: filled with points in the map frame [m], shape (2 W + 1, 2).
+    """
+    T, height, width = map_T_camera, int(reach.shape[0]), int(reach.shape[1])
+    nearest, shown = np.inf, 0
+    for col in range(width):
+        far = np.float32(0)
+        for row in range(height):
+            one = reach[row, col]
+            if one > 0 and one <= max_range and one < np.inf:
+                far = max(far, one)
+                nearest = min(nearest, np.float64(one))
+        ring[col, 0] = far
+        if far > 0:
+            shown += 1
+    if shown < 2:
+        return 0
+    is_whole, is_beyond = shown == width, False
+    for col in range(width):
+        is_beyond = is_beyond or ring[col, 0] > nearest
+        if 0 < col < width - 1 and ring[col, 0] == nearest:
+            is_whole = False
+    if not (is_whole and is_beyond):
+        return -1
+    down = (height // 2 - K[1, 2]) / K[1, 1]
+    x_before = y_before = 0.0
+    for col in range(width):
+        right = (col - K[0, 2]) / K[0, 0]
+        x = T[0, 0] * right + T[0, 1] * down + T[0, 2]
+        y = T[1, 0] * right + T[1, 1] * down + T[1, 2]
+        length = np.hypot(x, y)
+        x, y = x / length, y / length
+        if col and abs(x_before * y - y_before * x) < _SAME_WAY:
+            return 0
+        x_before, y_before = x, y
+        far, back = ring[col, 0], 2 * width - 1 - col
+        ring[col, 0], ring[col, 1] = T[0, 3] + far * x, T[1, 3] + far * y
+        ring[back, 0], ring[back, 1] = T[0, 3] + nearest * x, T[1, 3] + nearest * y
+    ring[2 * width, 0], ring[2 * width, 1] = ring[0, 0], ring[0, 1]
+    return 2 * width + 1
+
+
+def _ground_in_pieces(view: DepthView) -> BaseGeometry:
+    """Return the ground of a view that shows it in some of its columns only."""
+    is_return = (view.reach > 0) & (view.reach <= view.max_range) & (view.reach < np.inf)
+    reach = np.where(is_return, view.reach, 0.0)
+    middle = np.array([view.camera.height // 2])
+    rays = _horizontal_rays(view.camera, view.map_T_camera, middle)[:, 0]
+    directions = (rays / np.hypot(*rays)).T
+    return _ground(directions, reach.max(axis=0), reach[reach > 0].min(), view.position[:2])
 
 
 def _ground(
