@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -23,7 +22,6 @@ from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.correcting import Correction, can_be_corrected, corrected_poses, map_again
 from hypermap.mapping.counts import Counts
-from hypermap.mapping.drives import Drive, EarlierDrives, wall_clock
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.floor_motions import PoseChanges
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, packed_frame
@@ -35,8 +33,8 @@ from hypermap.mapping.going_on import (
     replaced,
     state_of,
 )
+from hypermap.mapping.intake import FrameIntake
 from hypermap.mapping.keyframes import KeyframeSelector
-from hypermap.mapping.left_out import LeftOutFrames
 from hypermap.mapping.looks import embed_objects
 from hypermap.mapping.map_metadata import made_metadata
 from hypermap.mapping.mapper_state import MapperState, dump_state
@@ -46,13 +44,10 @@ from hypermap.mapping.pictures import keep_pictures
 from hypermap.mapping.same_place import PlaceCheck
 from hypermap.mapping.sample_places import with_moved_samples
 from hypermap.mapping.second_look import SecondLook
-from hypermap.mapping.usable import why_unusable
 from hypermap.perception.detections import Detections
 from hypermap.perception.embedders.embedder import Embedder
 from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
-
-_log = logging.getLogger(__name__)
 
 _OCCUPANCY = "occupancy"
 
@@ -85,15 +80,12 @@ class Mapper:
 
     Attributes:
         config: the settings.
-        counts: frame counts of this drive so far.
         evidence: the objects and the evidence for them.
-        surplus: detections dropped so far, because their frames had too many.
         watch: called after each mapped frame; None for no observer.
         embedder: encodes what frames show of objects; None to only keep earlier embeddings. Set it
             by `embed_with`.
         perceive: returns what a single frame shows, given the perceiver; may look up results that
             were computed before.
-        keyframes: skips frames whose camera has hardly moved.
         place: told of each mapped frame, to find out whether it shows the place of the map; None
             to leave that out.
         pose_changes: told how the pose of each mapped frame was corrected; None for nobody.
@@ -119,10 +111,8 @@ class Mapper:
             drive: name of the recording.
         """
         self.config = config
-        self.counts = Counts()
         is_free = None if occupancy is None else partial(free_share, occupancy)
         self.evidence = EvidenceMap(config.evidence, is_free)
-        self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
         self.embedder: Embedder | None = None
         self.perceive: Perceive = _perceive_now
@@ -130,16 +120,11 @@ class Mapper:
         self.pose_changes: PoseChanges | None = None
         self._source = source or no_detections
         self._has_objects = self._looks_for_objects = source is not None
-        self.keyframes = KeyframeSelector(config.keyframes)
+        self._intake = FrameIntake(config.keyframes, drive)
         self._given_occupancy = occupancy
         self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
         self._frame_id = frame_id
         self._occupancy = OccupancyMapper(config.occupancy)
-        self._left_out = LeftOutFrames()
-        self._drive = Drive(drive)
-        self._earlier = EarlierDrives()
-        self._repeated: Drive | None = None  # the earlier drive of the last repeated frame
-        self._counts_before = Counts()
         self._base = Hypermap()  # the map that this one continues
         self._frame_log = FrameLog()
         self._is_corrected = False
@@ -185,21 +170,14 @@ class Mapper:
         mapper.evidence.go_on_with(state.tracks, edits_of(hypermap, state))
         published = {item.id for item in state.published}
         mapper.evidence.left_out = {n for n, _, _ in mapper.evidence.summary()} - published
-        is_same_drive = bool(state.drives) and state.drives[-1].name == drive
-        if state.keyframe is not None:
-            if is_same_drive and state.keyframe.stamp is not None:
-                mapper.keyframes.go_on_with(state.keyframe)
-            else:  # of another clock
-                mapper.keyframes.go_on_from(state.keyframe.map_T_camera)
+        mapper._intake.go_on_after(state.drives, state.keyframe, state.counts)
         if state.log_odds is not None:
             mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
         if mapper._aligner is not None and state.alignment is not None:
             mapper._aligner.go_on_with(*state.alignment)
-        mapper._earlier = EarlierDrives(tuple(state.drives))
-        mapper._counts_before = state.counts
         mapper._base = hypermap
         mapper._frame_log = FrameLog(state.log)
-        if state.drives and not is_same_drive:
+        if state.drives and state.drives[-1].name != drive:
             mapper._frame_log.end_drive()
         return mapper
 
@@ -228,7 +206,7 @@ class Mapper:
             BadFrame: If the source of detections fails, or the color cannot be read; the map stays
                 unchanged.
         """
-        if not self._is_wanted(frame):
+        if not self._intake.is_wanted(frame):
             return None
         aligned = frame if self._aligner is None else self._aligner.align(frame)
         try:
@@ -238,45 +216,23 @@ class Mapper:
             raise BadFrame(str(error)) from error
         if aligned is not frame:
             perceived = perceived.corrected_from(frame.map_T_camera)
-        perceived = perceived.at(frame.stamp + self._offset(frame))
-        self._count_surplus(frame, perceived)
+        perceived = perceived.at(frame.stamp + self._intake.offset_of(frame))
+        self._intake.count_surplus(frame.stamp, perceived.surplus, len(perceived.detections))
         if self._frame_log.is_full:
             self._frame_log.begin_part(self._map_before())
         if not self._fuse(frame.stamp, perceived):
             return None
-        self._drive.add(frame)
+        self._intake.was_mapped(frame)
         if self.place is not None:
             self.place.add(aligned, perceived)
         if self.pose_changes is not None:
             self.pose_changes.add(frame.stamp, frame.map_T_camera, aligned.map_T_camera)
         logged = LoggedFrame(perceived.observation, perceived.cells, self._looks_for_objects)
         self._frame_log.add(frame.stamp, packed_frame(logged), aligned.map_T_camera)
-        self._count(used=1)
         self._keep_looks(aligned, perceived.detections)
         if self.watch is not None:
             self.watch(MappedFrame(aligned, perceived.detections, perceived.observation), self)
         return perceived.observation
-
-    def _is_wanted(self, frame: RgbdFrame) -> bool:
-        """Return whether to map a frame: a usable new keyframe; count the others."""
-        if (reason := why_unusable(frame)) is not None:
-            self.leave_out(frame.stamp, reason)
-        elif (drive := self._earlier.with_frame(frame)) is not None:
-            self._repeated = drive
-            self.keyframes.repeat(frame.map_T_camera, frame.stamp)
-            self._count(repeated=1)
-        elif not self.keyframes.accept(frame.map_T_camera, frame.stamp):
-            self._count(skipped=1)
-        else:
-            return True
-        return False
-
-    def _offset(self, frame: RgbdFrame) -> float:
-        """Return the offset from the stamps of this drive to the map's time [s]."""
-        drive = self._drive
-        if not drive.keys:
-            drive.offset = self._earlier.offset_of(frame.stamp, drive.name, self._repeated)
-        return drive.offset
 
     def _fuse(self, stamp: float, perceived: Perceived) -> bool:
         """Add what a frame shows to both layers, or to none; return whether it was possible."""
@@ -346,7 +302,7 @@ class Mapper:
             CannotCorrect: If the trajectory lacks a pose for a frame of these drives, or the map
                 has no frames to map again; the map stays unchanged.
         """
-        drives = self._drives()
+        drives = self._intake.drives()
         poses, is_moved = corrected_poses(self._frame_log, drives, trajectory, is_under_way)
         correction = Correction.of(self._frame_log, drives, poses, is_moved, is_under_way)
         if correction.most <= least:
@@ -368,7 +324,7 @@ class Mapper:
         Returns:
             Shapes (N,) and (N, 4, 4).
         """
-        rows = can_be_corrected(self._frame_log, self._drives())
+        rows = can_be_corrected(self._frame_log, self._intake.drives())
         return self._frame_log.stamps[rows], self._frame_log.poses[rows]
 
     @property
@@ -396,8 +352,8 @@ class Mapper:
         metadata = made_metadata(
             self._base.metadata,
             self.config,
-            self._drives(),
-            self._counts_before + self.counts,
+            self._intake.drives(),
+            self._intake.all_counts,
             self.surplus,
             self._aligner if self.corrects_poses else None,
             self.evidence.hand_edits(),
@@ -409,11 +365,12 @@ class Mapper:
 
     def _mapped(self) -> Mapped:
         """Return the source of the present changes, for the map's history."""
-        name = self._drive.name or ("corrected poses" if self._is_corrected else "")
-        if not (self._drive.keys and self._earlier.drives):
-            return Mapped(name, self._drive.time)
-        look = SecondLook(FrameLog(self._frame_log.parts), self._drives(), self.config)
-        return Mapped(name, self._drive.time, look.chance)
+        drive = self._intake.drive
+        name = drive.name or ("corrected poses" if self._is_corrected else "")
+        if not self._intake.is_another_drive:
+            return Mapped(name, drive.time)
+        look = SecondLook(FrameLog(self._frame_log.parts), self._intake.drives(), self.config)
+        return Mapped(name, drive.time, look.chance)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:
         """Return a copy of the state that is needed to continue."""
@@ -423,8 +380,8 @@ class Mapper:
             keyframe=self.keyframes.last,
             first_cell=first_cell,
             log_odds=None if self._given_occupancy is not None else log_odds,
-            drives=self._drives(),
-            counts=self._counts_before + self.counts,
+            drives=self._intake.drives(),
+            counts=self._intake.all_counts,
             published=published,
             alignment=None if self._aligner is None else self._aligner.learned,
             log=FrameLog(self._frame_log.parts).parts,
@@ -436,67 +393,39 @@ class Mapper:
         given = self._given_occupancy is not None
         return MapBefore.of(self.evidence.tracks(), first_cell, None if given else log_odds)
 
-    def _drives(self) -> list[Drive]:
-        """Return copies of all drives with frames in the map."""
-        now = replace(self._drive, keys=list(self._drive.keys))
-        return [*self._earlier.drives, *([now] if now.keys else [])]
-
     def occupancy(self) -> OccupancyLayer:
         """Return the first layer of the map: the given one, or the one made from depth so far."""
         if self._given_occupancy is not None:
             return self._given_occupancy
         return self._occupancy.layer(frame_id=self._frame_id)
 
-    def leave_out(self, stamp: float, reason: str) -> None:
-        """Count an unusable frame, and log the reason; see `LeftOutFrames.add`."""
-        self._left_out.add(stamp, reason)
-        self._count(unusable=1)
+    @property
+    def counts(self) -> Counts:
+        """Frame counts of this drive so far."""
+        return self._intake.counts
+
+    @property
+    def surplus(self) -> int:
+        """Detections dropped so far, because their frames had too many."""
+        return self._intake.surplus
+
+    @property
+    def keyframes(self) -> KeyframeSelector:
+        """Skips frames whose camera has hardly moved."""
+        return self._intake.keyframes
 
     @property
     def first_reason(self) -> str:
         """Why the first frame was left out as unusable; empty if none was."""
-        return self._left_out.first_reason
+        return self._intake.first_reason
+
+    def leave_out(self, stamp: float, reason: str) -> None:
+        """Count an unusable frame, and log the reason; see `LeftOutFrames.add`."""
+        self._intake.leave_out(stamp, reason)
 
     def tell_left_out(self) -> None:
         """Log how many frames more were left out, and which clocks are wrong."""
-        self._left_out.log_rest()
-        self._tell_wrong_clock()
-        self._tell_wrong_order()
-
-    def _tell_wrong_clock(self) -> None:
-        if self._drive.is_ahead:
-            _log.warning(
-                "the stamps of %r lie in the future (%s), so the map does not know when this drive "
-                "was; is the robot's clock right?",
-                self._drive.name,
-                wall_clock(self._drive.last),
-            )
-        if self._drive.has_no_clock and any(one.time is not None for one in self._earlier.drives):
-            _log.warning(
-                "the stamps of %r do not count from 1970 (%.3f s), as those of earlier drives do, "
-                "so the map does not know when this drive was, and what has moved or is gone since "
-                "then may stay where it was; is the robot's clock set?",
-                self._drive.name,
-                self._drive.last,
-            )
-
-    def _tell_wrong_order(self) -> None:
-        later = [d for d in self._earlier.drives if d.time and d.first > self._drive.last]
-        if later and self._drive.time is not None:
-            _log.warning(
-                "%r was before the drive %r, which the map knows already: what was taken away in "
-                "between may be on the map again; map drives in order of time",
-                self._drive.name,
-                later[-1].name,
-            )
-        for drive in self._earlier.drives:
-            if self._drive.keys and drive.is_ahead and drive.first > self._drive.last:
-                _log.warning(
-                    "the stamps of the earlier drive %r lie in the future (%s): what has moved "
-                    "since then is reported as one object gone and another one added",
-                    drive.name,
-                    wall_clock(drive.last),
-                )
+        self._intake.tell_left_out()
 
     @property
     def perceiver(self) -> Perceiver:
@@ -505,22 +434,6 @@ class Mapper:
         return Perceiver(
             self._source, self.config.perception, occupancy, is_watched=self.watch is not None
         )
-
-    def _count_surplus(self, frame: RgbdFrame, seen: Perceived) -> None:
-        """Count the detections dropped because there were too many, and log the first frame."""
-        if seen.surplus:
-            log = _log.debug if self.surplus else _log.warning
-            log(
-                "frame %.6f: dropped %d detections, because only the best %d of a frame are used "
-                "(max_detections); later frames like this one are only counted",
-                frame.stamp,
-                seen.surplus,
-                len(seen.detections),
-            )
-            self.surplus += seen.surplus
-
-    def _count(self, **fates: int) -> None:
-        self.counts += Counts(**fates)
 
 
 def _perceive_now(frame: RgbdFrame, perceiver: Perceiver) -> Perceived:
