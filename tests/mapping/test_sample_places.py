@@ -62,6 +62,14 @@ def test_while_the_drive_goes_on_all_later_samples_belong_to_it() -> None:
     assert motions(is_under_way=True).moved(at(20_000)).points_xy[0] == pytest.approx((-1, -3))
 
 
+def test_of_drives_with_the_same_stamps_the_one_that_was_there_takes_the_sample_along() -> None:
+    before = np.array([pose_from_rpy(x, 3, 0, 0, 0, 0) for x in (0, 1, 8, 9)])
+    after = np.array([pose_from_rpy(x, 5, 0, 0, 0, 0) for x in (0, 1, 8.5, 9.5)])
+    both = FloorMotions.between(np.array([0.0, 10, 0, 10]), before, after, np.array([0, 0, 1, 1]))
+    taken = Samples.of([[1.5, 3], [8.0, 3]], [0.0, 1.0], stamps=[5.0, 5.0])
+    assert both.moved(taken).points_xy == pytest.approx(np.array([[1.5, 5], [8.5, 5]]))
+
+
 def layer(points: NDArray[np.float64], stamps: NDArray[np.float64], frame: str) -> ValueLayer:
     samples = Samples.of(points, 20 + points[:, 0], stamps=stamps)
     made = value_layer_of("warmth", samples, frame_id=frame, unit="°C")
