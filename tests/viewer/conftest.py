@@ -125,8 +125,7 @@ def window(empty_window: Any, url: str) -> Iterator[Any]:
     """A window that shows the small map at a module's `url`; nothing may go wrong in it."""
     from .small_map import METRES_PER_PIXEL
 
-    empty_window.load(url)
-    empty_window.look_at(5, 4, METRES_PER_PIXEL)
+    empty_window.load(url, (5, 4, METRES_PER_PIXEL))
     yield empty_window
     assert empty_window.hosts() == {"127.0.0.1"}
     assert empty_window.complaints == []
@@ -157,8 +156,7 @@ def edited(empty_window: Any, tmp_path: Path) -> Iterator[Any]:
 
     path = saved_small_map(tmp_path)
     with a_server(path) as url:
-        empty_window.load(url)
-        empty_window.look_at(5, 4, METRES_PER_PIXEL)
+        empty_window.load(url, (5, 4, METRES_PER_PIXEL))
         yield Edited(path, url, empty_window)
         assert empty_window.hosts() == {"127.0.0.1"}
 
@@ -168,6 +166,5 @@ def other(second_window: Any, edited: Any) -> Any:
     """A second window that shows the map of `edited`."""
     from .small_map import METRES_PER_PIXEL
 
-    second_window.load(edited.url)
-    second_window.look_at(5, 4, METRES_PER_PIXEL)
+    second_window.load(edited.url, (5, 4, METRES_PER_PIXEL))
     return second_window

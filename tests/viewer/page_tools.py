@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import threading
 import time
@@ -25,6 +27,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 import hypermap.viewer
 
 from ..prepared import Command
+from ..roscore import free_port
 
 SHADE = 30  # pixels around a panel that its shadow darkens
 PATIENCE = 120.0  # s; the machine may be busy
@@ -106,8 +109,12 @@ def leave(page: Page) -> None:
 
 @contextlib.contextmanager
 def a_server(path: Path, *options: str) -> Iterator[str]:
-    """Serve a map with `hypermap view` and yield the page's address."""
-    words = ["view", path, "--no-browser", "--port", "0", *options]
+    """Serve a map with `hypermap view` and yield the page's address.
+
+    It is the same again when it is free, as it is for users: what the browser has prepared of the
+    page's program, it keeps by address.
+    """
+    words = ["view", path, "--no-browser", "--port", _port(), *options]
     server = Command(*words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     try:
         yield _address(server)
@@ -116,6 +123,18 @@ def a_server(path: Path, *options: str) -> Iterator[str]:
     finally:
         server.kill()
         server.communicate()
+
+
+def _port() -> int:
+    """Return the port of all servers of these tests; 0, for any, while another one has it."""
+    with socket.socket() as probe, contextlib.suppress(OSError):
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind(("127.0.0.1", _usual_port()))
+        return _usual_port()
+    return 0
+
+
+_usual_port = functools.cache(free_port)
 
 
 def _address(server: Command) -> str:
@@ -160,16 +179,21 @@ class Window:
         if url is not None:
             self._open(url)
 
-    def load(self, url: str) -> None:
-        """Load the page as if this window were new."""
+    def load(self, url: str, view: tuple[float, float, float] | None = None) -> None:
+        """Load the page as if this window were new, and look at a place as `look_at` does."""
         forget(self.page)
         self.asked.clear()
         self.complaints.clear()
-        self._open(url)
+        self._open(url, view)
 
-    def _open(self, url: str) -> None:
+    def _open(self, url: str, view: tuple[float, float, float] | None = None) -> None:
         assert self.page.goto(url) is not None, "it was not loaded, but stayed as it was"
-        self.wait_until_drawn()
+        if view is None:
+            self.wait_until_drawn()
+        else:
+            self.wait_for("() => window.hypermapPage !== undefined")
+            self.page.evaluate("() => window.hypermapPage.ready")
+            self.look_at(*view)
 
     def wait_until_drawn(self) -> None:
         """Wait for the map to show all that it asked for."""

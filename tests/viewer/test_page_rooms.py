@@ -57,8 +57,7 @@ def url(path: Path) -> Iterator[str]:
 
 @pytest.fixture
 def window(empty_window: Window, url: str) -> Iterator[Window]:
-    empty_window.load(url)
-    empty_window.look_at(4.5, 2.5, METRES_PER_PIXEL)
+    empty_window.load(url, (4.5, 2.5, METRES_PER_PIXEL))
     yield empty_window
     # Chromium complains of refused questions, which some tests ask.
     assert all("400 (Bad Request)" in text for text in empty_window.complaints)
