@@ -72,14 +72,18 @@ def test_a_question_loads_only_what_it_needs(room_map):
     assert not commands & {"hypermap.cli.demo", "hypermap.cli.map_", "hypermap.cli.live"}
 
 
-def test_making_a_map_loads_no_solver_that_few_maps_need():
+def test_the_page_loads_no_compiled_loops_and_a_mapper_no_solver_that_few_maps_need():
     done = run_python(
-        "import sys, hypermap.mapping.recording_to_map, hypermap.ros.mapper.live_map\n"
+        "import sys, hypermap.viewer.live.app\n"
+        "print(*sys.modules)\n"
+        "import hypermap.mapping.recording_to_map, hypermap.ros.mapper.live_map\n"
         "print(*sys.modules)"
     )
     assert done.returncode == 0, done.stderr
+    page, mapper = map(str.split, done.stdout.splitlines())
     solvers = {"scipy.optimize", "scipy.sparse", "scipy.spatial", "hypermap.values.random_field"}
-    assert not set(done.stdout.split()) & solvers
+    assert not set(mapper) & solvers
+    assert not set(page) & {"numba", "scipy.special"}
 
 
 def test_the_version_is_the_packages():

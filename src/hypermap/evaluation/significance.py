@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import stdtrit
 
 from hypermap.core.errors import HypermapError
 
@@ -115,7 +115,7 @@ def effect_of(differences: ArrayLike) -> Effect:
         raise ValueError("there must be at least one difference")
     mean, half = float(given.mean()), 0.0
     if count > 1:
-        half = float(stdtrit(count - 1, 0.975) * given.std(ddof=1)) / math.sqrt(count)
+        half = float(scipy.special.stdtrit(count - 1, 0.975) * given.std(ddof=1)) / math.sqrt(count)
     used = given[np.abs(given) > TIE]
     ranks = _ranks(np.abs(used))
     total = float(ranks.sum())

@@ -6,7 +6,8 @@ import asyncio
 import secrets
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import shapely
 from starlette.applications import Starlette
@@ -42,7 +43,6 @@ from hypermap.viewer.live.measured_values import describe_values
 from hypermap.viewer.live.object_evidence import describe_evidence
 from hypermap.viewer.live.page import page_file
 from hypermap.viewer.live.past import Past, changes_of, has_past, timeline
-from hypermap.viewer.live.paths import Paths
 from hypermap.viewer.live.questions import Questions
 from hypermap.viewer.live.replies import (
     fail,
@@ -65,6 +65,9 @@ from hypermap.viewer.live.shown_map import MapVersion, ShownMap
 from hypermap.viewer.live.snippets import AskedMap, snippets_for_evidence
 from hypermap.viewer.live.tiles import Tile, draw_tile
 from hypermap.web.hosts import known_hosts
+
+if TYPE_CHECKING:
+    from hypermap.viewer.live.paths import Paths
 
 _CACHE = 64_000_000  # bytes of tiles
 _FOREVER = "private, max-age=31536000, immutable"
@@ -101,7 +104,6 @@ class MapApp:
         self._views = LayerViews()
         self._tiles = ByteCache(_CACHE)
         self._past = Past()
-        self._paths = Paths()
         self._uploads = Uploads()
         self.app = Starlette(
             routes=self._routes(),
@@ -116,6 +118,12 @@ class MapApp:
             },
             lifespan=self._lifespan,
         )
+
+    @cached_property
+    def _paths(self) -> Paths:
+        from hypermap.viewer.live.paths import Paths  # whose compiled loops take long to import
+
+        return Paths()
 
     def _routes(self) -> list[BaseRoute]:
         return [

@@ -19,7 +19,6 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map
 from hypermap.formats.backup import EDITED_WITH, save_with_backup
 from hypermap.formats.locks import turn_to_edit
-from hypermap.mapping.going_on import with_marks
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.map_file import MapFile
 from hypermap.viewer.live.request_errors import Refused
@@ -166,6 +165,8 @@ class MapDocument:
         hypermap = self._current.hypermap
         is_edited = self._content != _OPENED
         if is_edited:
+            from hypermap.mapping.going_on import with_marks  # imported with the mapper's loops
+
             hypermap = copy.copy(with_marks(hypermap))
             hypermap.metadata[EDITED_WITH] = _EDITOR
             known = hypermap.metadata.get(MAP_VERSION)

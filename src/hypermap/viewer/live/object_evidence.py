@@ -16,7 +16,6 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import valid_copies
-from hypermap.mapping.evidence_table import config_of, fused_shapes
 from hypermap.viewer.live.shapes import polygons_in_base
 
 _TOLERANCE = 0.001  # meters by which an outline may be simplified
@@ -61,6 +60,9 @@ def describe_evidence(hypermap: Hypermap, layer_name: str, number: int) -> dict[
     if len(table) == 0:
         return {**answer, "reason": NO_EVIDENCE if kept is None else NONE_HERE}
     assert kept is not None  # it holds the table's rows
+    # The compiled loops take longer to import than the rest of the server.
+    from hypermap.mapping.evidence_table import config_of, fused_shapes
+
     base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
     config = config_of(hypermap.metadata)
     answer["start"] = float(kept.stamps.min())
