@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -49,16 +47,9 @@ def ctrl_c() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `hypermap demo --keep-recording` makes; its tests share the xdist group "demo"."""
+    from .prepared import run
+
     folder = tmp_path_factory.mktemp("demo") / "hypermap-demo"
-    command = [
-        sys.executable,
-        "-m",
-        "hypermap",
-        "demo",
-        "--folder",
-        str(folder),
-        "--keep-recording",
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = run("demo", "--folder", folder, "--keep-recording")
     assert done.returncode == 0, done.stderr
     return folder
