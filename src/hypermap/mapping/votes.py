@@ -119,7 +119,8 @@ def _weigh(
             moves[i, axis] = shifts[i, axis]
             places[i, axis] = centroids[i, axis] + shifts[i, axis]
     if limits[1] > 0:
-        _align(seen, 2, places, weights, limits[1], order, moves)
+        area = int(np.int64(2))  # `_align` would be compiled once more for a constant
+        _align(seen, area, places, weights, limits[1], order, moves)
     xmin = ymin = np.inf
     xmax = ymax = -np.inf
     for i in range(count):
@@ -300,10 +301,10 @@ def _hull_of_votes(
         corners: filled with them, (col, row), clockwise from the left one of the lowest back to
             it, shape (4 height + 1, 2).
     """
-    _add_steps(edges, counts, 0, weights, moves, 1.0, place, steps[0])
-    _add_steps(area_edges, area_counts, 1, weights, moves, 0.0, place, steps[1])
+    begin = count = int(np.int64(0))  # others would be compiled once more for a constant
+    _add_steps(edges, counts, count, weights, moves, 1.0, place, steps[0])
+    _add_steps(area_edges, area_counts, count + 1, weights, moves, 0.0, place, steps[1])
     height = steps.shape[1]
-    begin = count = int(np.int64(0))  # `_with_corner` would be compiled once more for a constant
     for row in range(height):  # up the left side
         left, ends[row] = _accepted(steps, row, votes)
         if left >= 0:
