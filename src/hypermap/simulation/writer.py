@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.formats.atomic import why_not_written
+from hypermap.formats.grid.png import encode_drawn
 from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.recording import Recording
@@ -72,8 +72,8 @@ def _write(recording: Recording, folder: Path, on_frame: Callable[[], None]) -> 
         if frame.color is None or frame.color_stamp is None:
             raise FormatError("it has no color", path=recording.path, key=f"{frame.stamp:.6f} s")
         depth_name, color_name = f"{frame.stamp:.6f}", f"{frame.color_stamp:.6f}"
-        _save(depth_units(frame.depth), folder / f"depth/{depth_name}.png")
-        _save(frame.color, folder / f"rgb/{color_name}.png")
+        (folder / f"depth/{depth_name}.png").write_bytes(encode_drawn(depth_units(frame.depth)))
+        (folder / f"rgb/{color_name}.png").write_bytes(encode_drawn(frame.color))
         depth_lines.append(f"{depth_name} depth/{depth_name}.png")
         color_lines.append(f"{color_name} rgb/{color_name}.png")
         if np.isfinite(frame.map_T_camera).all():
@@ -91,11 +91,6 @@ def _write(recording: Recording, folder: Path, on_frame: Callable[[], None]) -> 
         (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
     if detections is not None:
         detections.save(folder / "detections.json")
-
-
-def _save(pixels: NDArray[np.uint8] | NDArray[np.uint16], path: Path) -> None:
-    """Save an image in 40 % of the usual time, larger by a tenth (depth) to a third (color)."""
-    Image.fromarray(pixels).save(path, compress_level=2)
 
 
 def depth_units(depth: NDArray[np.float32]) -> NDArray[np.uint16]:

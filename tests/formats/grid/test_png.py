@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from hypermap.formats.grid import png
-from hypermap.formats.grid.png import decode_gray_alpha, encode_gray_alpha, gray_alpha_size
+from hypermap.formats.grid.png import (
+    decode_gray_alpha,
+    encode_drawn,
+    encode_gray_alpha,
+    gray_alpha_size,
+)
 
 pictures = npst.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 5), st.just(2)))
 
@@ -102,3 +107,11 @@ def test_damage_is_one_of_two_errors(data: Any) -> None:
     if size is not None and size[0] * size[1] < 10_000:
         with contextlib.suppress(ValueError, zlib.error):
             list(decode_gray_alpha(cut, *size))
+
+
+@pytest.mark.parametrize(("shape", "dtype"), [((5, 7, 3), np.uint8), ((6, 4), np.uint16)])
+def test_pillow_reads_a_drawn_image_as_it_was(shape: tuple[int, ...], dtype: Any) -> None:
+    pixels = np.random.default_rng(1).integers(0, np.iinfo(dtype).max, shape, dtype, endpoint=True)
+    for image in (pixels, pixels[::2, ::-1]):
+        with Image.open(io.BytesIO(encode_drawn(image))) as read:
+            assert np.array_equal(np.asarray(read), image)
