@@ -268,9 +268,12 @@ def test_votes_may_have_whole_numbers_as_scores() -> None:
     assert iou(votes(buffer(square(0), scores=[1]), CONFIG), square(0)) > 0.9
 
 
-def aligning_moves(areas: np.ndarray, centroids: np.ndarray) -> np.ndarray:
+def aligning_moves(
+    areas: np.ndarray, centroids: np.ndarray, weights: np.ndarray | None = None
+) -> np.ndarray:
     moves, order = np.zeros(centroids.shape), np.empty(len(areas), np.int64)
-    _align(areas[:, np.newaxis], 0, centroids, np.ones(len(areas)), 0.1, order, moves)
+    weights = np.ones(len(areas)) if weights is None else weights
+    _align(areas[:, np.newaxis], 0, centroids, weights, 0.1, order, moves)
     return moves
 
 
@@ -278,14 +281,39 @@ def test_footprints_that_show_a_part_are_not_aligned() -> None:
     centroids = np.array([[0.0, 0.0], [0.02, 0.0], [0.06, 0.0], [0.05, 0.0]])
     areas = np.array([1.0, 1.0, 1.0, 0.5])
     moves = aligning_moves(areas, centroids)
-    assert moves == pytest.approx(np.array([[0.02, 0], [0, 0], [-0.04, 0], [0, 0]]))
+    meeting = (centroids + moves)[:3]
+    assert np.allclose(meeting, meeting[0])
+    assert 0 < meeting[0, 0] < 0.03
+    assert (moves[3] == 0).all()
 
 
 def test_a_footprint_well_below_the_area_of_most_is_a_part() -> None:
     areas = np.array([1.5, 2.0, 4.0])  # a quarter of such areas exceed 3; 0.6 of it is 1.8
     centroids = np.array([[0.0, 0.0], [0.02, 0.01], [0.06, 0.03]])
     moves = aligning_moves(areas, centroids)
-    assert moves == pytest.approx(np.array([[0, 0], [0, 0], [-0.04, -0.02]]))
+    assert moves == pytest.approx(np.array([[0, 0], [0.02, 0.01], [-0.02, -0.01]]))
+
+
+def test_footprints_are_aligned_to_a_mean_that_does_not_jump() -> None:
+    centroids = np.array([[0.0, 0.0]] * 3 + [[0.03, 0.0]] * 3)
+    less, more = (
+        aligning_moves(np.ones(6), centroids, np.array([weight, *[1.0] * 5]))
+        for weight in (0.99, 1.01)
+    )
+    assert np.abs(more - less).max() < 1e-3
+
+
+def test_where_most_footprints_agree_the_others_hardly_matter() -> None:
+    centroids = np.array([[0.0, 0.0]] * 6 + [[0.2, 0.0]] * 2)
+    moves = aligning_moves(np.ones(8), centroids)
+    assert np.abs(moves[:6]).max() < 0.005
+    assert (moves[6:] == 0).all()
+
+
+def test_the_shape_of_a_cup_hardly_depends_on_where_cells_begin() -> None:
+    for offset in np.linspace(0, 0.01, 7):
+        cup = shapely.Point(1 + offset, 2 - offset / 3).buffer(0.04)
+        assert iou(votes(buffer(*[cup] * 3), CONFIG), cup) > 0.9
 
 
 @pytest.mark.parametrize("along", [(1, 0), (0, 1), (1, -1)])

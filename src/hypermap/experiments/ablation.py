@@ -64,6 +64,7 @@ def without_parts(whole: MappingConfig) -> dict[str, MappingConfig]:
         "rejection of unusual sizes": evidence(class_sizes="any"),
         "tolerance of association": evidence(slack=0.0),
         "exclusive objects": evidence(exclusive=False),
+        "sizes of merged objects": evidence(max_growth=math.inf),
         "voting: best shape": evidence(fusion="best_shape"),
         "voting: convex hull": evidence(fusion="convex_hull"),
         "walls in the vote": evidence(abstain="outside"),

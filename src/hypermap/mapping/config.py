@@ -155,6 +155,7 @@ _PROFILES: Mapping[str, MappingConfig] = {
             half_weight=math.inf,
             align=0.0,
             exclusive=False,
+            max_growth=math.inf,
             confidence="score",
             min_probability=0.0,
             moves=False,

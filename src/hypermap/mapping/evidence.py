@@ -28,6 +28,7 @@ from hypermap.mapping.missed_detections import penalize_missed, prune
 from hypermap.mapping.moved import GONE, find_moves, moved_within_place
 from hypermap.mapping.protection import protected
 from hypermap.mapping.published import PublishedTracks
+from hypermap.mapping.seen_sizes import may_be_one
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable, are_two
@@ -369,7 +370,8 @@ class EvidenceMap:
     def _may_merge(self, row: int, match: int) -> bool:
         """Return whether two tracks may be merged: not if many frames show both.
 
-        A few frames may show one object in two parts, if the tracks fill the same space.
+        A few frames may show one object in two parts, if the tracks fill the same space. If any
+        frame shows both, they must together be no larger than one object is seen to be.
         """
         if row == match:
             return True
@@ -378,8 +380,22 @@ class EvidenceMap:
         one, other = self._tracks.objects[row], self._tracks.objects[match]
         if other.id in self._observed:
             return False
-        few = one.co_occurrences[other.id] < CONFIRMED
-        return not are_two(one, other) or (few and self._fill_one_place(row, match))
+        shown_together = one.co_occurrences[other.id]
+        few = shown_together < CONFIRMED
+        if are_two(one, other) and not (few and self._fill_one_place(row, match)):
+            return False
+        return shown_together == 0 or self._is_of_one(row, match)
+
+    def _is_of_one(self, row: int, match: int) -> bool:
+        """Return whether two tracks together are no larger than one object is seen to be."""
+        objects, shapes = self._tracks.objects, self._tracks.shapes
+        name = objects[row].name
+        return may_be_one(
+            (objects[row], shapes.polygons[row]),
+            (objects[match], shapes.polygons[match]),
+            (track for track in objects if track.name == name),
+            self.config.max_growth,
+        )
 
     def _fill_one_place(self, row: int, match: int) -> bool:
         """Return whether two tracks would be published in the same place."""

@@ -90,6 +90,9 @@ class EvidenceConfig:
         exclusive: whether two observed shapes of a class in one frame are two objects: they are
             never associated with one track, and tracks that many frames show together are not
             merged.
+        max_growth: with `exclusive`, tracks that any frame shows together are merged only if both
+            are at most this times as long as the longest view of them, or as most views of their
+            class, and likewise their area (by its square); infinite turns it off.
         fusion: how an object's shape is fused from its evidence: "votes", "best_shape" or
             "convex_hull".
         vote_share: share of the votes that a cell needs to belong to the object, for "votes".
@@ -149,12 +152,13 @@ class EvidenceConfig:
     radius: float = 0.5
     combine: Literal["overlapping", "matches"] = "overlapping"
     exclusive: bool = True
+    max_growth: float = 1.3
     fusion: Literal["votes", "best_shape", "convex_hull"] = "votes"
     vote_share: float = 0.3
     abstain: Literal["hidden", "outside"] = "hidden"
     half_weight: float = 2.0
     align: float = 0.1
-    vote_resolution: float = 0.01
+    vote_resolution: float = 0.005
     landmarks: bool = True
     completion: Literal["class_depth", "none"] = "class_depth"
     renewal: float = 0.1
@@ -203,6 +207,7 @@ class EvidenceConfig:
         )
         for amount in amounts:
             _check(self, amount, low=0)
+        _check(self, "max_growth", low=1, high=math.inf)
         _check(self, "half_weight", low=0.01, high=math.inf)
         _check(self, "max_range", low=0, high=math.inf)
         for level in ("max_existence", "publish_above", "forget_below"):

@@ -16,6 +16,8 @@ from hypermap.mapping.joined_views import NEAR
 from hypermap.mapping.stages import EvidenceConfig
 
 _MAX_CELLS_PER_SIDE = 128
+_ROUNDS = 8  # of reweighting the mean of footprints
+_SCALE = 0.3  # of the limit: footprints this far from the mean have a quarter of the weight
 _WHOLE = 0.6  # of the upper quartile of the areas; larger footprints show the whole object
 
 
@@ -141,31 +143,35 @@ def _align(
 ) -> None:
     """Add translations that align footprints, because pose drift would blur the shape.
 
-    Footprints of about the whole object are moved so that their centroids meet at the weighted
-    median. Partial views stay, because their centroids may differ.
+    Footprints of about the whole object are moved so that their centroids meet at a robust mean,
+    which small errors of poses hardly change; a median jumps from one centroid to the next. Partial
+    views stay, because their centroids may differ.
 
     Args:
         views: an array that has the areas of the footprints [m²] in a column, shape (N, C).
         area: this column.
         centroids: of the footprints [m], shape (N, 2).
         weights: positive, shape (N,).
-        limit: footprints farther than this from the median stay [m].
+        limit: footprints farther than this from the mean stay [m].
         order: room for their order, shape (N,).
         moves: translations [m], to which these are added, shape (N, 2).
+
+    Source: Geman, McClure, "Statistical methods for tomographic image reconstruction", 1987, for
+    the loss; its minimum is found by iteratively reweighted least squares.
     """
     least = _least_whole(views, area, order)
     x = y = 0.0
-    for axis in range(2):
-        _sort(centroids, axis, order)
-        total = so_far = 0.0
-        for k in range(len(order)):
-            if views[order[k], area] >= least:
-                total += weights[order[k]]
-        x, y = y, 0.0
-        for k in range(len(order)):
-            if views[order[k], area] >= least and so_far < total / 2:
-                so_far += weights[order[k]]
-                y = centroids[order[k], axis]
+    scale = np.inf  # the first mean is that of all
+    for _ in range(_ROUNDS):
+        total = x_sum = y_sum = 0.0
+        for i in range(len(order)):
+            if views[i, area] >= least:
+                far = np.hypot(centroids[i, 0] - x, centroids[i, 1] - y) / scale
+                weight = weights[i] / (1 + far * far) ** 2
+                total += weight
+                x_sum += weight * centroids[i, 0]
+                y_sum += weight * centroids[i, 1]
+        x, y, scale = x_sum / total, y_sum / total, _SCALE * limit
     for i in range(len(order)):
         dx, dy = x - centroids[i, 0], y - centroids[i, 1]
         if views[i, area] >= least and np.hypot(dx, dy) <= limit:
