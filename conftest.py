@@ -141,12 +141,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Keep all tests and modules out of later garbage collections, which take a third of a second.
+    """Keep all tests and modules out of garbage collections, which take a third of a second.
 
     Some are asked for by tests, others come by themselves: after so many new objects, not after
-    700, as tests make and drop many, and looking for them took up to a fifteenth of the time.
+    700, as tests make and drop many, and looking for them took up to a fifteenth of the time. What
+    is garbage already stays, as to look for that took half a second of each worker.
     """
-    gc.collect()
     gc.freeze()
     gc.set_threshold(10_000)
 
