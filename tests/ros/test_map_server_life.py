@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from typing import Any
 
@@ -16,8 +17,9 @@ from .map_server_tools import Client, building, saved
 pytestmark = pytest.mark.xdist_group("ros")
 
 
-def test_a_server_without_a_map_says_so(start, rospy):
-    process = start("hypermap", "serve", "--ros1", "__name:=without_map")
+def test_a_server_without_a_map_says_so_also_in_a_read_only_home(start, rospy):
+    nowhere = dict.fromkeys(("ROS_LOG_DIR", "XDG_CACHE_HOME"), "/dev/null/folder")
+    process = start("hypermap", "serve", "--ros1", "__name:=without_map", env=os.environ | nowhere)
     process.expect("starting without a map")
     heard = Client(rospy, "without_map").heard(
         "hypermap_metadata", "hypermap_msgs/HypermapMetaData"

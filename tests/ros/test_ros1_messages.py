@@ -146,6 +146,20 @@ def test_a_cache_that_cannot_be_written_is_an_error(
         generate("hypermap_msgs")
 
 
+def test_a_node_needs_no_cache(
+    needs_ros1: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import hypermap.ros.ros1.libraries  # noqa: F401 - which finds genpy
+    from hypermap.ros.ros1.generation import generate_for_now
+
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))  # as in a read-only home
+    folder = generate_for_now("hypermap_msgs")
+    text = (folder / "python/hypermap_msgs/msg/_SemanticMap.py").read_text("utf-8")
+    assert MESSAGES["SemanticMap"] in text
+    shutil.rmtree(folder)
+
+
 def test_two_nodes_may_generate_at_once(needs_ros1: None, tmp_path: Path) -> None:
     code = "from hypermap.ros.ros1.messages import message_class as m; import hypermap.ros.{}"
     code = code.format("ros1.libraries; print(m('hypermap_msgs/SemanticMap')._md5sum)")

@@ -53,6 +53,20 @@ def ask(rospy: Any, port: Any, name: str, layer: str = "") -> str:
     return str(rospy.ServiceProxy(name, service_class(SERVICE))(layer=layer).name)
 
 
+def test_an_address_that_others_do_not_reach_is_told(needs_ros1: None) -> None:
+    from hypermap.ros.ros1.master import why_unreachable
+
+    with socket.create_server(("127.0.0.1", 0)) as node:
+        here = f"http://127.0.0.1:{node.getsockname()[1]}/"
+        assert why_unreachable(here, "http://127.0.0.1:11311") is None
+        reason = why_unreachable(here, "http://192.0.2.1:11311")
+        assert reason is not None
+        assert "the roscore is at 192.0.2.1" in reason
+    reason = why_unreachable(here, "http://127.0.0.1:11311")
+    assert reason is not None
+    assert "127.0.0.1 is no address of this machine" in reason
+
+
 def test_a_late_subscriber_receives_the_last_latched_message(port: Any) -> None:
     text = port.message("std_msgs/String")
     publisher = port.publisher("latched", "std_msgs/String", latched=True)

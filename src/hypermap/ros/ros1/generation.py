@@ -8,6 +8,7 @@ Source: the generators of genpy, which catkin runs too, so the md5 sums are the 
 
 from __future__ import annotations
 
+import atexit
 import compileall
 import hashlib
 import importlib
@@ -32,20 +33,39 @@ def generate(package: str) -> Path:
         HypermapError: If its definitions are unknown, the generators are missing or the cache
             cannot be written.
     """
+    try:
+        return _generated(package)
+    except OSError as error:
+        raise HypermapError(
+            f"the ROS 1 messages of {package} cannot be generated: {error}; "
+            "XDG_CACHE_HOME may name another folder"
+        ) from None
+
+
+def generate_for_now(package: str) -> Path:
+    """Do the same, for this process alone where the cache cannot be written.
+
+    Raises:
+        HypermapError: If its definitions are unknown, or the generators are missing.
+    """
+    try:
+        return _generated(package)
+    except OSError:
+        folder = Path(tempfile.mkdtemp(prefix="hypermap-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        _write(package, definitions(package), folder)
+        return folder
+
+
+def _generated(package: str) -> Path:
     texts = definitions(package)
     digest = hashlib.sha256(repr((_LAYOUT, sorted(texts.items()))).encode()).hexdigest()
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     target = caches / "hypermap" / "ros1" / f"{package}-{digest[:16]}"
     if target.is_dir():
         return target
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(dir=target.parent))
-    except OSError as error:
-        raise HypermapError(
-            f"the ROS 1 messages of {package} cannot be generated: {error}; "
-            "XDG_CACHE_HOME may name another folder"
-        ) from None
+    target.parent.mkdir(parents=True, exist_ok=True)
+    work = Path(tempfile.mkdtemp(dir=target.parent))
     try:
         _write(package, texts, work)
         # Who may not write into the cache later would compile at each start, for 0.2 s.

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 
 from hypermap.ros.port import Level
-from hypermap.ros.ros1.libraries import paramserver, rospy
+from hypermap.ros.ros1.libraries import paramserver, rosgraph, rospy
 
 _TOPICS_OFF = "/rosout_disable_topics_generation"
 
@@ -31,6 +31,17 @@ def show_lines_at_once() -> None:
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)
+
+
+def show_lines_without_file() -> None:
+    """Show the node's log where rospy can make no folder for its file, as in a read-only home.
+
+    It sets up no log at all then, and the node would say nothing.
+    """
+    if rospy.core._log_filename is None:
+        logger = logging.getLogger("rosout")
+        logger.addHandler(rosgraph.roslogging.RosStreamHandler())
+        logger.setLevel(logging.INFO)
 
 
 def keep_rosout_settings() -> None:

@@ -10,6 +10,7 @@ import threading
 import xmlrpc.client
 from collections.abc import Callable, Mapping
 from http.client import HTTPException
+from ipaddress import ip_address
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -44,6 +45,23 @@ def require_master() -> None:
     )
 
 
+def why_unreachable(node_uri: str, master_uri: str) -> str | None:
+    """Return why other nodes do not reach one by the address that it names; None if they may.
+
+    The node itself notices nothing of it: it reaches the roscore, which tells others the address.
+    """
+    host, port = urlsplit(node_uri).hostname or "", urlsplit(node_uri).port or 0
+    try:
+        with socket.create_connection((host, port), _ANSWER_TIME) as own:
+            address = own.getpeername()[0]
+        master = socket.getaddrinfo(urlsplit(master_uri).hostname, None)[0][4][0]
+    except OSError as error:
+        return f"{host} is no address of this machine ({error})"
+    if ip_address(address).is_loopback and not ip_address(master).is_loopback:
+        return f"{host} is this machine for itself alone, and the roscore is at {master}"
+    return None
+
+
 def owns_its_name() -> bool:
     """Return whether the roscore knows no other node under this node's name."""
     try:
@@ -57,7 +75,8 @@ class MasterWatch:
     """Looks at the roscore every now and then, in a thread of its own.
 
     A roscore that was started again knows nothing of its nodes. The watch then registers all
-    topics, subscriptions and services of this node, and sets its parameters, once more.
+    topics, subscriptions and services of this node, and sets its parameters, once more. At first it
+    warns if other nodes do not reach this one.
 
     Args:
         on_parameters: called with the private parameters of the node at each look.
@@ -89,6 +108,13 @@ class MasterWatch:
         self._ends.set()
 
     def _run(self) -> None:
+        reason = why_unreachable(rospy.get_node_uri(), rosgraph.get_master_uri())
+        if reason is not None and not rospy.is_shutdown():
+            _log.warning(
+                "other nodes do not reach this one: %s; set ROS_IP to its address in the network "
+                "of the roscore",
+                reason,
+            )
         while not self._ends.wait(self._period) and not rospy.is_shutdown():
             self._try_to_look()
 

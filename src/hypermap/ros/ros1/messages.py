@@ -12,7 +12,7 @@ from typing import Any
 from hypermap.core.errors import HypermapError
 from hypermap.ros.definitions import PACKAGE
 from hypermap.ros.ros1.definitions import PACKAGES, definitions
-from hypermap.ros.ros1.generation import generate
+from hypermap.ros.ros1.generation import generate, generate_for_now
 
 
 def message_class(type_name: str) -> type[Any]:
@@ -83,7 +83,7 @@ def _module(package: str, kind: str) -> ModuleType | None:
 @cache
 def _provide(package: str) -> None:
     """Make a generated package importable, or what an installed one lacks of it."""
-    python = generate(package) / "python"
+    python = generate_for_now(package) / "python"
     try:
         installed = importlib.import_module(package)
     except ImportError:

@@ -28,7 +28,12 @@ from hypermap.ros.ros1.libraries import (
     rospy,
     tf2_ros,
 )
-from hypermap.ros.ros1.logs import forward_logs, keep_rosout_settings, show_lines_at_once
+from hypermap.ros.ros1.logs import (
+    forward_logs,
+    keep_rosout_settings,
+    show_lines_at_once,
+    show_lines_without_file,
+)
 from hypermap.ros.ros1.master import MasterWatch, owns_its_name, require_master
 from hypermap.ros.ros1.messages import message_class, service_class
 from hypermap.ros.ros1.respawn import Respawn
@@ -62,6 +67,7 @@ class Ros1Port:
             require_master()
             show_lines_at_once()
             rospy.init_node(name, argv=None if argv is None else list(argv), disable_signals=True)
+            show_lines_without_file()
             _end_threads_with_node()
             if threading.current_thread() is threading.main_thread():
                 self._take_signals()
