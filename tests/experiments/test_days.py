@@ -28,7 +28,7 @@ def demo() -> Tally:
 
 def test_without_errors_most_changes_are_found_and_ids_stay() -> None:
     tally = demo()
-    for counts in (tally.looked, tally.in_sight):
+    for counts in (tally.looked, tally.in_sight, tally.alike):
         true, right = sum(counts.true.values()), sum(counts.right.values())
         assert 1 <= right <= true
         assert all(counts.right[kind] <= counts.reported[kind] for kind in counts.reported)
@@ -83,4 +83,5 @@ def test_the_command_prints_and_saves_the_figures(
     figures = data["worlds"]["demo"]
     assert figures["kept"] == demo().kept
     assert figures["changes"]["moved"]["true"] == demo().looked.true["moved"]
+    assert figures["changes_of_things_that_sizes_tell"]["moved"]["f1"] is not None
     assert figures["causes"] == dict(demo().causes)

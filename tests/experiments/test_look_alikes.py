@@ -41,6 +41,14 @@ def test_the_new_one_may_be_either() -> None:
     assert mistaken == {1, 9}
 
 
+def test_how_much_sizes_may_differ_is_given() -> None:
+    larger = chair(B, width=0.6)
+    true = [WorldChange("removed", 1, chair(A), None), WorldChange("added", 9, None, larger)]
+    assert as_told(true, [moved(A, B)], near=0.5) == (true, set())
+    changes, _ = as_told(true, [moved(A, B)], near=0.5, share=0.25)
+    assert changes == [WorldChange("moved", 1, chair(A), larger)]
+
+
 def test_two_that_were_moved_may_be_one_or_each_other() -> None:
     true = [
         WorldChange("moved", 1, chair(A), chair(B)),

@@ -57,7 +57,7 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
 
 
 def _record(tally: Tally) -> dict[str, Any]:
-    counts = {"looked": vars(tally.looked), "in_sight": vars(tally.in_sight)}
+    counts = {name: vars(getattr(tally, name)) for name in ("looked", "in_sight", "alike")}
     return {**vars(tally), **counts}
 
 
@@ -69,6 +69,7 @@ def _figures(tallies: Sequence[Tally]) -> dict[str, Any]:
     return {
         "changes": _changes([tally.looked for tally in tallies]),
         "changes_of_things_in_sight": _changes([tally.in_sight for tally in tallies]),
+        "changes_of_things_that_sizes_tell": _changes([tally.alike for tally in tallies]),
         "causes": dict(causes.most_common()),
         "swapped": {"true": swapped, "reported_as_moved": said},
         "id_switches": _share(switched, kept),
@@ -109,11 +110,12 @@ def _share(part: int, whole: int) -> float | None:
 def _show(name: str, world: dict[str, Any]) -> None:
     from hypermap.experiments.tables import number
 
-    columns = ("changes", "precision", "recall", "F1", "F1 in sight")
+    columns = ("changes", "precision", "recall", "F1", "F1 in sight", "F1 as sizes tell")
     rows = table("kind", *columns, right=columns)
     for kind, row in world["changes"].items():
-        in_sight = world["changes_of_things_in_sight"][kind]["f1"]
-        shares = (row["precision"], row["recall"], row["f1"], in_sight)
+        others = ("changes_of_things_in_sight", "changes_of_things_that_sizes_tell")
+        f1s = (world[name][kind]["f1"] for name in others)
+        shares = (row["precision"], row["recall"], row["f1"], *f1s)
         rows.add_row(kind, str(row["true"]), *map(number, shares))
     say(f"\n{name}\n")
     out().print(rows)

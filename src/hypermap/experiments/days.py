@@ -38,6 +38,7 @@ FIRST_DAY = 1_763_971_200.0
 DAY = 86_400.0  # seconds
 
 _PROBABLE = 0.5  # least confidence of an object that came or went
+_TELLABLE = 0.25  # share by which sizes must differ for the maps of two days to tell which is which
 _NEAR = 0.5  # [m] between the place that is reported and the true one
 _REPORTED = {"moved": MOVED, "removed": GONE, "added": ADDED}
 KINDS = tuple(_REPORTED)
@@ -93,6 +94,8 @@ class Tally:
         looked: changes at places where the robot looked on both days.
         in_sight: of these, changes of things that it had in sight on each day on which they were
             there, and those that the map reports without a thing.
+        alike: as `looked`, but things of one class may stand for each other unless their sizes
+            differ by more than maps tell.
         swapped: things that were swapped with one of the same class and size.
         swapped_found: of these, those of which the map says that they were moved.
         kept: true objects that the map had on both days.
@@ -107,6 +110,7 @@ class Tally:
     seed: int
     looked: Counts = field(default_factory=Counts)
     in_sight: Counts = field(default_factory=Counts)
+    alike: Counts = field(default_factory=Counts)
     swapped: int = 0
     swapped_found: int = 0
     kept: int = 0
@@ -180,47 +184,87 @@ def _count_day(tally: Tally, before: MappedDay, after: MappedDay) -> None:
     assert history is not None
     revision = history.revisions()[-1]
     said = list(revision.changes)
+    days = before, after
     true, mistaken = as_told(after.day.changes, said, _NEAR)
     for kind in KINDS:
-        _count_kind(tally, kind, true, said, (before, after), f"{revision.drive}")
+        _count_kind(tally, _Compared.of(kind, true, said, days), days, f"{revision.drive}")
     _count_ids(tally, before, after, mistaken)
+    as_sized, _ = as_told(after.day.changes, said, _NEAR, _TELLABLE)
+    for kind in KINDS:
+        found = _Compared.of(kind, as_sized, said, days)
+        tally.alike.add(kind, len(found.right), len(found.missed), len(found.wrong))
+
+
+@dataclass(frozen=True, eq=False)
+class _Compared:
+    """The changes of one kind, true ones and those that the map reports.
+
+    Attributes:
+        kind: which.
+        right: true changes that the map reports.
+        missed: those that it does not report.
+        wrong: what it reports, but is not true.
+        swapped: how many things were swapped with one of the same class and size; 0 but for moves.
+        swapped_found: of these, how many the map reports as moved.
+    """
+
+    kind: str
+    right: list[WorldChange]
+    missed: list[WorldChange]
+    wrong: list[Change]
+    swapped: int
+    swapped_found: int
+
+    @classmethod
+    def of(
+        cls,
+        kind: str,
+        true: Sequence[WorldChange],
+        said: Sequence[Change],
+        days: tuple[MappedDay, MappedDay],
+    ) -> _Compared:
+        """Compare those whose places the robot looked at on both days."""
+        of_kind = [one for one in true if one.kind == kind and _is_seen(_places(one), days)]
+        reported = [one for one in said if one.kind == _REPORTED[kind] and _is_probable(one)]
+        reported = [one for one in reported if _is_seen(_centers(one), days)]
+        pairs = _pairs(of_kind, reported)
+        found, right = {i for i, _ in pairs}, {j for _, j in pairs}
+        others = [one for j, one in enumerate(reported) if j not in right]
+        swaps = [change for change in days[1].day.changes if change.kind == "swapped"]
+        swaps = swaps if kind == "moved" else []
+        excused = {j for _, j in _pairs(swaps, others)}
+        return cls(
+            kind,
+            [of_kind[i] for i, _ in pairs],
+            [one for i, one in enumerate(of_kind) if i not in found],
+            [one for j, one in enumerate(others) if j not in excused],
+            sum(_is_seen(_places(change), days) for change in swaps),
+            len(excused),
+        )
 
 
 def _count_kind(
-    tally: Tally,
-    kind: str,
-    true: Sequence[WorldChange],
-    said: Sequence[Change],
-    days: tuple[MappedDay, MappedDay],
-    drive: str,
+    tally: Tally, found: _Compared, days: tuple[MappedDay, MappedDay], drive: str
 ) -> None:
-    """Count the changes of one kind, true ones and those that the map reports."""
-    of_kind = [one for one in true if one.kind == kind and _is_seen(_places(one), days)]
-    reported = [one for one in said if one.kind == _REPORTED[kind] and _is_probable(one)]
-    reported = [one for one in reported if _is_seen(_centers(one), days)]
-    pairs = _pairs(of_kind, reported)
-    found, right = {i for i, _ in pairs}, {j for _, j in pairs}
-    others = [one for j, one in enumerate(reported) if j not in right]
-    swaps = [change for change in days[1].day.changes if change.kind == "swapped"]
-    excused = {j for _, j in _pairs(swaps, others)} if kind == "moved" else set()
-    if kind == "moved":
-        tally.swapped += sum(_is_seen(_places(change), days) for change in swaps)
-        tally.swapped_found += len(excused)
-    missed = [one for i, one in enumerate(of_kind) if i not in found]
-    wrong = [one for j, one in enumerate(others) if j not in excused]
-    tally.looked.add(kind, len(pairs), len(missed), len(wrong))
-    in_sight = [of_kind[i] for i, _ in pairs if _was_in_sight([of_kind[i].thing], days)]
-    missed_in_sight = [one for one in missed if _was_in_sight([one.thing], days)]
-    wrong_in_sight = [one for one in wrong if _was_in_sight(things_of(one, *days), days)]
+    """Count the changes of one kind, with the causes of what was missed or wrong."""
+    kind = found.kind
+    tally.swapped += found.swapped
+    tally.swapped_found += found.swapped_found
+    tally.looked.add(kind, len(found.right), len(found.missed), len(found.wrong))
+    in_sight = [one for one in found.right if _was_in_sight([one.thing], days)]
+    missed_in_sight = [one for one in found.missed if _was_in_sight([one.thing], days)]
+    wrong_in_sight = [one for one in found.wrong if _was_in_sight(things_of(one, *days), days)]
     tally.in_sight.add(kind, len(in_sight), len(missed_in_sight), len(wrong_in_sight))
-    found_causes = [
-        (f"missed {_told(one)}", f"missed {kind}: {cause_of_missed(one, *days)}") for one in missed
+    causes = [
+        (f"missed {_told(one)}", f"missed {kind}: {cause_of_missed(one, *days)}")
+        for one in found.missed
     ]
-    found_causes += [
-        (f"wrong {_said(one)}", f"wrong {kind}: {cause_of_wrong(one, *days)}") for one in wrong
+    causes += [
+        (f"wrong {_said(one)}", f"wrong {kind}: {cause_of_wrong(one, *days)}")
+        for one in found.wrong
     ]
-    tally.causes.update(cause for _, cause in found_causes)
-    tally.notes += [f"{drive}: {told} ({cause})" for told, cause in found_causes]
+    tally.causes.update(cause for _, cause in causes)
+    tally.notes += [f"{drive}: {told} ({cause})" for told, cause in causes]
 
 
 def _is_probable(said: Change) -> bool:

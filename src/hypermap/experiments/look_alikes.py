@@ -9,12 +9,12 @@ from shapely.geometry import Point
 
 from hypermap.core.history import MOVED, Change
 from hypermap.history.likeness import MIN_MOVED
-from hypermap.simulation.days import ChangeKind, WorldChange, look_alike
+from hypermap.simulation.days import SAME_SIZE, ChangeKind, WorldChange, look_alike
 from hypermap.simulation.world import WorldObject
 
 
 def as_told(
-    true: Sequence[WorldChange], said: Sequence[Change], near: float
+    true: Sequence[WorldChange], said: Sequence[Change], near: float, share: float = SAME_SIZE
 ) -> tuple[list[WorldChange], set[int]]:
     """Return the true changes with look-alikes taken for each other as a map has taken them.
 
@@ -28,6 +28,7 @@ def as_told(
         true: the changes of a day.
         said: those that the map reports.
         near: how far a shape on the map may be from the place of a thing [m].
+        share: by which the sizes of things that look alike differ at most.
 
     Returns:
         The changes, and the numbers of the things that were taken for others.
@@ -39,10 +40,10 @@ def as_told(
         changes[:] = [*rest, *change, *_rest(came.thing, came.before, left.after)]
         mistaken.update((left.thing, came.thing))
 
-    while replaced := _replaced(changes):
+    while replaced := _replaced(changes, share):
         take_for_one(*replaced, [])
     for one in said:
-        ends = _ends(one, changes, near) if one.kind == MOVED else None
+        ends = _ends(one, changes, near, share) if one.kind == MOVED else None
         if ends is not None and ends[0] is not ends[1]:
             left, came = ends
             move = WorldChange("moved", left.thing, left.before, came.after)
@@ -50,9 +51,11 @@ def as_told(
     return changes, mistaken
 
 
-def _replaced(changes: Sequence[WorldChange]) -> tuple[WorldChange, WorldChange] | None:
+def _replaced(
+    changes: Sequence[WorldChange], share: float
+) -> tuple[WorldChange, WorldChange] | None:
     """Return which thing has left its place to another one like it; None if there is none."""
-    for left, came in _possible_moves(changes):
+    for left, came in _possible_moves(changes, share):
         assert left.before is not None
         assert came.after is not None
         if left is not came and math.dist(left.before.place, came.after.place) < MIN_MOVED:
@@ -60,7 +63,9 @@ def _replaced(changes: Sequence[WorldChange]) -> tuple[WorldChange, WorldChange]
     return None
 
 
-def _possible_moves(changes: Sequence[WorldChange]) -> list[tuple[WorldChange, WorldChange]]:
+def _possible_moves(
+    changes: Sequence[WorldChange], share: float
+) -> list[tuple[WorldChange, WorldChange]]:
     """Return which changes have left a place to which, as it seems, others have come."""
     told = [change for change in changes if change.kind in ("moved", "removed", "added")]
     return [
@@ -69,7 +74,7 @@ def _possible_moves(changes: Sequence[WorldChange]) -> list[tuple[WorldChange, W
         for came in told
         if left.before is not None
         and came.after is not None
-        and look_alike(left.before, came.after)
+        and look_alike(left.before, came.after, share)
     ]
 
 
@@ -86,13 +91,13 @@ def _rest(
 
 
 def _ends(
-    said: Change, changes: Sequence[WorldChange], near: float
+    said: Change, changes: Sequence[WorldChange], near: float, share: float
 ) -> tuple[WorldChange, WorldChange] | None:
     """Return which change has left the place where a move begins, and which came to its end."""
     assert said.before is not None  # a move has both ends
     assert said.after is not None
     found: list[tuple[bool, float, int, WorldChange, WorldChange]] = []
-    for left, came in _possible_moves(changes):
+    for left, came in _possible_moves(changes, share):
         assert left.before is not None
         assert came.after is not None
         if left.before.label != said.object.name:

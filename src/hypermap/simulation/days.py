@@ -17,7 +17,9 @@ ChangeKind = Literal["moved", "removed", "added", "swapped", "door"]
 
 _TRIES = 60  # places that are tried for each change; then there is none
 _MOVES = (0.3, 5.0)  # [m] by which things are moved
-_SAME_SIZE = 0.05  # share by which things that are swapped differ at most
+SAME_SIZE = 0.05
+"""Share by which the sizes of things that look alike differ at most."""
+
 _DOOR = {"length": 0.06, "height": 2.0}  # of a closed door [m]
 _MAX_GROUP = 3  # things that are moved or removed at once, such as a table with the objects on it
 
@@ -275,19 +277,22 @@ class _Draft:
         self._change(self._with([*self._world.objects, new]))
 
 
-def look_alike(one: WorldObject, other: WorldObject) -> bool:
+def look_alike(one: WorldObject, other: WorldObject, share: float = SAME_SIZE) -> bool:
     """Return whether two things are of one class, and of nearly the same size.
 
     Such objects cannot be distinguished.
+
+    Args:
+        one: a thing.
+        other: another one.
+        share: by which their sizes differ at most.
     """
     is_same = (one.label, one.model, one.z) == (other.label, other.model, other.z)
     if not is_same or (one.outline is None) != (other.outline is None):
         return False
     sizes, others = _sizes(one), _sizes(other)
     keys = sizes.keys() | others.keys()
-    return all(
-        math.isclose(sizes.get(key, -1), others.get(key, -1), rel_tol=_SAME_SIZE) for key in keys
-    )
+    return all(math.isclose(sizes.get(key, -1), others.get(key, -1), rel_tol=share) for key in keys)
 
 
 def _sizes(thing: WorldObject) -> dict[str, float]:
