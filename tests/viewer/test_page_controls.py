@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from playwright.sync_api import Browser
 
 from hypermap.colors import class_colors
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import save_map
 from hypermap.testing import square
 
-from .page_tools import Window, a_server, a_window
+from .page_tools import Window, a_server
 from .screen_colors import Expected
 from .small_map import (
     CHAIR,
@@ -212,7 +211,7 @@ def test_found_things_come_into_view_if_none_of_them_is(window: Window) -> None:
 
 
 def test_a_thing_on_another_of_about_its_size_is_seen_whole(
-    browser: Browser, tmp_path: Path
+    empty_window: Window, tmp_path: Path
 ) -> None:
     things = [square("a mat", 5, 4, 1.5), square("rug", 5, 4, 1.9)]
     hypermap = small_map()
@@ -220,8 +219,9 @@ def test_a_thing_on_another_of_about_its_size_is_seen_whole(
     hypermap.add(SemanticLayer("semantic", "map", things))
     save_map(hypermap, tmp_path / "room.hmap")
     own = {name: 255 * np.array(color) for name, color in class_colors(["a mat", "rug"]).items()}
-    with a_server(tmp_path / "room.hmap") as url, a_window(browser, url) as window:
-        window.look_at(5, 4, METRES_PER_PIXEL)
+    with a_server(tmp_path / "room.hmap") as url:
+        window = empty_window
+        window.load(url, (5, 4, METRES_PER_PIXEL))
         window.page.locator("#show-labels").uncheck()
         window.wait_until_drawn()
         on_mat, on_rug = window.colors_at([(5, 4), (5, 4.85)]).astype(float)

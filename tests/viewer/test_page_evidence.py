@@ -199,9 +199,10 @@ def test_an_object_without_evidence_says_so(window: Window) -> None:
     )
 
 
-def test_a_map_without_evidence_says_so(browser: Browser, tmp_path: Path) -> None:
-    with a_server(saved_small_map(tmp_path)) as url, a_window(browser, url) as window:
-        window.look_at(5, 4, METRES_PER_PIXEL)
+def test_a_map_without_evidence_says_so(empty_window: Window, tmp_path: Path) -> None:
+    with a_server(saved_small_map(tmp_path)) as url:
+        window = empty_window
+        window.load(url, (5, 4, METRES_PER_PIXEL))
         choose(window, CHAIR)
         window.page.locator("#panel .evidence .opener").click()
         expect(window.page.locator("#panel .evidence-body")).to_contain_text(

@@ -203,11 +203,12 @@ def class_of(window: Window, name: str) -> Locator:
     return window.page.locator(f'[data-layer="rooms"] [data-class="{name}"]')
 
 
-def test_a_room_is_split_by_a_line_and_that_is_undone(browser: Browser, tmp_path: Path) -> None:
+def test_a_room_is_split_by_a_line_and_that_is_undone(empty_window: Window, tmp_path: Path) -> None:
     path = tmp_path / "split.hmap"
     save_map(flat(), path)
-    with a_server(path) as url, a_window(browser, url) as window:
-        window.look_at(4.5, 2.5, METRES_PER_PIXEL)
+    with a_server(path) as url:
+        window = empty_window
+        window.load(url, (4.5, 2.5, METRES_PER_PIXEL))
         page = window.page
         start_editing(window)
         window.click_at(7.0, 1.5)
@@ -246,13 +247,16 @@ def test_a_room_is_split_by_a_line_and_that_is_undone(browser: Browser, tmp_path
         expect(page.get_by_role("button", name="Split…")).to_have_count(0)
 
 
-def test_rooms_are_found_by_a_button_where_there_are_none(browser: Browser, tmp_path: Path) -> None:
+def test_rooms_are_found_by_a_button_where_there_are_none(
+    empty_window: Window, tmp_path: Path
+) -> None:
     path = tmp_path / "none.hmap"
     hypermap = flat()
     hypermap.remove("rooms")
     save_map(hypermap, path)
-    with a_server(path) as url, a_window(browser, url) as window:
-        window.look_at(4.5, 2.5, METRES_PER_PIXEL)
+    with a_server(path) as url:
+        window = empty_window
+        window.load(url, (4.5, 2.5, METRES_PER_PIXEL))
         start_editing(window)
         button = window.page.locator("#edit-find-rooms")
         button.click()

@@ -146,10 +146,11 @@ def test_a_map_without_a_past_offers_none(edited: Edited) -> None:
     expect(edited.window.page.locator("#timebar")).to_be_hidden()
 
 
-def test_saving_adds_a_version(browser: Browser, tmp_path: Path) -> None:
-    with a_server(saved_past_map(tmp_path)) as url, a_window(browser, url) as window:
+def test_saving_adds_a_version(empty_window: Window, tmp_path: Path) -> None:
+    with a_server(saved_past_map(tmp_path)) as url:
+        window = empty_window
+        window.load(url, (5, 4, METRES_PER_PIXEL))
         page = window.page
-        window.look_at(5, 4, METRES_PER_PIXEL)
         page.locator("#tool-edit").click()
         window.click_at(*PLACES[DESK])
         page.locator("#object-name").fill("bench")
