@@ -53,7 +53,11 @@ def test_a_value_that_fits_is_taken(parameter: Parameter, given: Any, value: Any
         (SHOWN, 1, "parameter 'shown' must be true or false, got 1"),
         (MODE, "scales", "parameter 'mode' cannot be 'scales'; did you mean 'scale'?"),
         (MODE, 3, "parameter 'mode' must be a text, got 3"),
-        (NAMES, "chair", "parameter 'names' must be a list of texts, got 'chair'"),
+        (
+            NAMES,
+            "[a]",
+            "parameter 'names' must be a list of texts, got '[a]'; <rosparam> makes lists",
+        ),
         (NAMES, ["a", 1], r"parameter 'names' must be a list of texts, got ['a', 1]"),
         (PARTS, ["walls"], "parameter 'parts' cannot be 'walls'; known: area, label"),
     ],

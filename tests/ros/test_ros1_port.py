@@ -450,6 +450,15 @@ port.shut_down()
     assert not is_missing("/talker/ask")
 
 
+def test_a_parameter_with_the_name_of_the_node_is_an_error(rospy: Any, port: Any) -> None:
+    rospy.set_param(rospy.get_name(), "office.hmap")
+    try:
+        with pytest.raises(HypermapError, match=r"'office.hmap', but .* rosparam delete /tests"):
+            port.parameters([Parameter("height", 0.5, "Height.")])
+    finally:
+        rospy.delete_param(rospy.get_name())
+
+
 @pytest.mark.parametrize(
     ("uri", "problem"),
     [

@@ -26,8 +26,9 @@ def checked(parameter: Parameter, value: Any) -> Value:
     default = parameter.default
     if isinstance(default, (list, tuple)):
         if not isinstance(value, (list, tuple)) or not all(isinstance(item, str) for item in value):
+            hint = "; <rosparam> makes lists" if isinstance(value, str) else ""
             raise HypermapError(
-                f"parameter {parameter.name!r} must be a list of texts, got {value!r}"
+                f"parameter {parameter.name!r} must be a list of texts, got {value!r}{hint}"
             )
         for item in value:
             _check_choice(parameter, item)

@@ -36,7 +36,7 @@ from hypermap.ros.ros1.logs import (
 )
 from hypermap.ros.ros1.master import MasterWatch, owns_its_name, require_master
 from hypermap.ros.ros1.messages import message_class, service_class
-from hypermap.ros.ros1.respawn import Respawn
+from hypermap.ros.ros1.respawn import RESPAWN, Respawn
 from hypermap.ros.signals import end_signals
 
 _TF_START = 1.0  # s until a new listener has heard what is known
@@ -282,7 +282,14 @@ class Ros1Port:
         Args:
             once: names of those that no other run is to find on the server.
         """
-        kept, there = self._respawn.taken(), rospy.get_param(rospy.get_name(), {})
+        there = rospy.get_param(rospy.get_name(), {})
+        if not isinstance(there, Mapping):
+            raise HypermapError(
+                f"parameter {rospy.get_name()} is {there!r}, but should hold the node's parameters: "
+                f"rosparam delete {rospy.get_name()}"
+            )
+        kept = self._respawn.taken()
+        there = {name: value for name, value in there.items() if name != RESPAWN}
         for name in kept.keys() - there.keys() - once:
             rospy.set_param(f"~{name}", kept[name])
         given = {**kept, **there}
@@ -298,7 +305,8 @@ class Ros1Port:
 
     def _forget(self, names: Iterable[str]) -> None:
         """Take private parameters from the parameter server."""
-        for name in rospy.get_param(rospy.get_name(), {}).keys() & set(names):
+        there = rospy.get_param(rospy.get_name(), {})
+        for name in set(there if isinstance(there, Mapping) else ()) & set(names):
             with contextlib.suppress(KeyError):  # somebody else was faster
                 rospy.delete_param(f"~{name}")
 

@@ -13,7 +13,8 @@ from typing import Any
 
 from hypermap.ros.ros1.libraries import rospy
 
-_NAME = "respawn"
+RESPAWN = "respawn"
+"""The private parameter in which a node's parameters wait for its next life."""
 
 
 class Respawn:
@@ -36,10 +37,10 @@ class Respawn:
     def taken(self) -> dict[str, Any]:
         """Return what the node's earlier life has kept, and take it from the parameter server."""
         self.parameters = {}
-        kept = rospy.get_param(f"~{_NAME}", None)
+        kept = rospy.get_param(f"~{RESPAWN}", None)
         if kept is None:
             return {}
-        rospy.delete_param(f"~{_NAME}")
+        rospy.delete_param(f"~{RESPAWN}")
         is_ours = isinstance(kept, Mapping) and bool(self._launcher)
         if not is_ours or kept.get("launcher") != self._launcher:
             return {}
@@ -48,5 +49,5 @@ class Respawn:
     def keep(self, values: Mapping[str, Any]) -> None:
         """Keep parameters; without roslaunch, nothing is kept."""
         if self._launcher and values:
-            self.parameters = {_NAME: {"launcher": self._launcher, "values": dict(values)}}
-            rospy.set_param(f"~{_NAME}", self.parameters[_NAME])
+            self.parameters = {RESPAWN: {"launcher": self._launcher, "values": dict(values)}}
+            rospy.set_param(f"~{RESPAWN}", self.parameters[RESPAWN])
