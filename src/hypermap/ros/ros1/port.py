@@ -285,7 +285,7 @@ class Ros1Port:
         there = rospy.get_param(rospy.get_name(), {})
         if not isinstance(there, Mapping):
             raise HypermapError(
-                f"parameter {rospy.get_name()} is {there!r}, but should hold the node's parameters: "
+                f"parameter {rospy.get_name()} is {there!r}, but should hold those of the node: "
                 f"rosparam delete {rospy.get_name()}"
             )
         kept = self._respawn.taken()
