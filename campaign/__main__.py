@@ -28,6 +28,7 @@ PARTS = {
     "long_runs": 3,
     "readers": 1,
     "world_faults": 2,
+    "ros1_day": 2,
 }
 MINUTES, SHORT_MINUTES = 60.0, 2.0
 CHECKOUT = Path(__file__).resolve().parent.parent

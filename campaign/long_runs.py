@@ -55,12 +55,12 @@ _LOOKED_AT = {Fate.MAPPED, Fate.STILL}
 
 def run(budget: Budget) -> Result:
     """Run each for its share of the time."""
-    frames = _drive(budget.seed, rate=0.5 if budget.short else 2.0)
+    frames = drive(budget.seed, rate=0.5 if budget.short else 2.0)
     runs = [_map(name, frames, budget.share(3 - i)) for i, name in enumerate(("default", "thesis"))]
     return merged("long_runs", [*runs, _live(frames, budget)])
 
 
-def _drive(seed: int, rate: float) -> list[RgbdFrame]:
+def drive(seed: int, rate: float) -> list[RgbdFrame]:
     """Return small frames of a drive through a room, without their color."""
     errors = errors_of_level("robot")
     recording = SimulatedRecording(
