@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,7 @@ from hypermap.mapping.doubles import without_doubles
 from hypermap.mapping.evidence_table import lazy_evidence_table
 from hypermap.mapping.fusion import FUSIONS, votes
 from hypermap.mapping.landmarks import landmark_moves
+from hypermap.mapping.parts import joined_parts
 from hypermap.mapping.probability import probability
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable, are_two
@@ -85,19 +87,22 @@ class PublishedTracks:
                 found = self._without_doubles(found)
         else:
             found = [self._published(row) for row in rows]
+        edited = self.tracks.hand_edits()
+        if self.config.max_growth < math.inf:
+            found = joined_parts(found, self._may_be_one, self.config.max_growth, edited)
         if self.config.slip >= 1:
             return found
-        return one_class_per_place(found, self.config.slip, self.tracks.hand_edits())
+        return one_class_per_place(found, self.config.slip, edited)
 
     def _without_doubles(self, found: list[SemanticObject]) -> list[SemanticObject]:
         """Return the objects without second ones in the same places; see `without_doubles`."""
-        edited, tracks = self.tracks.hand_edits(), self.tracks
+        edited = self.tracks.hand_edits()
+        return without_doubles(found, self._may_be_one, self.config.min_overlap, edited)
 
-        def may_be_one(one: int, other: int) -> bool:
-            first, second = (tracks.objects[row] for row in tracks.rows_of((one, other)))
-            return not are_two(first, second, fewest=0)
-
-        return without_doubles(found, may_be_one, self.config.min_overlap, edited)
+    def _may_be_one(self, one: int, other: int) -> bool:
+        """Return whether two tracks, by their ids, may be one object: not if frames show both."""
+        first, second = (self.tracks.objects[row] for row in self.tracks.rows_of((one, other)))
+        return not are_two(first, second, fewest=0)
 
     def summary(self) -> list[tuple[int, int, float]]:
         """Return the id, the number of pieces of evidence and the existence of each object."""

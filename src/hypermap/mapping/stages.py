@@ -92,7 +92,8 @@ class EvidenceConfig:
             merged.
         max_growth: with `exclusive`, tracks that any frame shows together are merged only if both
             are at most this times as long as the longest view of them, or as most views of their
-            class, and likewise their area (by its square); infinite turns it off.
+            class, and likewise their area (by its square). Published parts of one object are joined
+            if both are at most this times as large as most of their class. Infinite turns it off.
         fusion: how an object's shape is fused from its evidence: "votes", "best_shape" or
             "convex_hull".
         vote_share: share of the votes that a cell needs to belong to the object, for "votes".

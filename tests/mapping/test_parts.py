@@ -1,0 +1,54 @@
+"""Parts of one object that together are as large as others of its class become one."""
+
+from __future__ import annotations
+
+import math
+
+import shapely
+
+from hypermap.core.semantic import SemanticObject
+from hypermap.mapping.parts import joined_parts
+
+
+def shelf(number: int, begin: float, end: float, row: float = 0.0) -> SemanticObject:
+    measured = {"evidence": number, "z_min": 0.1 * number, "z_max": 1.0 + number}
+    shape = shapely.box(begin, row, end, row + 0.6)
+    return SemanticObject("shelf", shape, id=number, attributes=measured)
+
+
+OTHERS = [shelf(number, 0, 2, row=2.0 * number) for number in (1, 2, 3, 4)]
+
+
+def joined(*parts: SemanticObject, are_one: bool = True, fixed: tuple[int, ...] = ()) -> list[int]:
+    found = joined_parts([*OTHERS, *parts], lambda *_: are_one, 1.3, fixed)
+    return [item.id or 0 for item in found[len(OTHERS) :]]
+
+
+def test_two_ends_of_a_shelf_become_one_of_usual_size() -> None:
+    *_, whole = joined_parts([*OTHERS, shelf(5, 0, 0.9), shelf(6, 1, 2)], lambda *_: True, 1.3)
+    assert whole.id == 5
+    assert whole.footprint.equals(shapely.box(0, 0, 2, 0.6))
+    assert whole.attributes == {"evidence": 11, "z_min": 0.5, "z_max": 7.0}
+
+
+def test_three_parts_become_one() -> None:
+    assert joined(shelf(5, 0, 0.6), shelf(6, 0.7, 1.3), shelf(7, 1.4, 2)) == [5]
+
+
+def test_what_would_be_too_large_or_is_too_far_or_of_usual_size_stays() -> None:
+    assert joined(shelf(5, 0, 1.4), shelf(6, 1.5, 2.9)) == [5, 6]
+    assert joined(shelf(5, 0, 0.7), shelf(6, 0.9, 1.6)) == [5, 6]
+    assert joined(shelf(5, 0, 1.8), shelf(6, 0.1, 1.9)) == [5, 6]
+
+
+def test_what_frames_show_together_or_people_have_edited_stays() -> None:
+    parts = shelf(5, 0, 0.9), shelf(6, 1, 2)
+    assert joined(*parts) == [5]
+    assert joined(*parts, are_one=False) == [5, 6]
+    assert joined(*parts, fixed=(6,)) == [5, 6]
+
+
+def test_the_usual_size_of_a_class_is_known_from_four_objects_on() -> None:
+    parts = [shelf(5, 0, 0.9), shelf(6, 1, 2)]
+    assert len(joined_parts([OTHERS[0], *parts], lambda *_: True, math.inf)) == 3
+    assert joined_parts([], lambda *_: True, 1.3) == []
