@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import shapely
+from tests.mapping.evidence_tools import DEFAULT, published_all, seen
 
 from hypermap.core.semantic import SemanticObject
+from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.parts import joined_parts
 
 
@@ -29,6 +32,25 @@ def test_two_ends_of_a_shelf_become_one_of_usual_size() -> None:
     assert whole.id == 5
     assert whole.footprint.equals(shapely.box(0, 0, 2, 0.6))
     assert whole.attributes == {"evidence": 11, "z_min": 0.5, "z_max": 7.0}
+
+
+def test_what_is_joined_was_seen_when_its_newer_part_was() -> None:
+    parts = shelf(5, 0, 0.9), dataclasses.replace(shelf(6, 1, 2), last_seen=7.0)
+    *_, whole = joined_parts([*OTHERS, *parts], lambda *_: True, 1.3)
+    assert whole.last_seen == 7
+
+
+def test_a_layer_before_the_final_one_and_after_it_has_the_whole_object() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    others = [shapely.box(0, row, 2, row + 0.6) for row in (2, 4, 6, 8)]
+    for part in (shapely.box(0, 0, 0.9, 0.6), shapely.box(1, 0, 2, 0.6)):
+        for _ in range(3):
+            evidence.update(seen(part, *others, area=shapely.union_all([part, *others])))
+
+    def areas(is_final: bool) -> list[float]:
+        return [round(item.footprint.area, 1) for item in evidence.layer(is_final=is_final)]
+
+    assert areas(False) == areas(True) == areas(False) == [1.2] * 5
 
 
 def test_three_parts_become_one() -> None:

@@ -26,7 +26,7 @@ def without_doubles(
 
     Args:
         objects: of a map, in the order of their ids, with the attributes `z_min` and `z_max`.
-        may_be_one: says of two ids whether they may be one object, or frames have shown both.
+        may_be_one: says of two ids whether they may be one object, or many frames have shown both.
         min_overlap: least share of the smaller footprint that two share at the same height.
         fixed: ids of objects that do not change, because they were edited by hand.
     """

@@ -6,8 +6,9 @@ smaller than the other shelves of the map, and both together are as large as the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from heapq import heapify, heappop, heappush
 from typing import cast
 
 import numpy as np
@@ -35,56 +36,62 @@ def joined_parts(
     Args:
         objects: of a map, in the order of their ids, with the attributes `evidence`, `z_min` and
             `z_max`.
-        may_be_one: says of two ids whether they may be one object, or frames have shown both.
+        may_be_one: says of two ids whether they may be one object, or many frames have shown both.
         max_growth: largest area of both together, as a multiple of the median area of their class.
         fixed: ids of objects that do not change, because they were edited by hand.
     """
-    usual = _usual_areas(objects)
-    found = list(objects)
-    while True:
-        pair = _parts(found, usual, may_be_one, max_growth, fixed)
-        if pair is None:
-            return found
-        i, j, both = pair
-        found[i] = _joined(found[i], found[j], both)
-        del found[j]
+    classes: dict[str, list[int]] = {}
+    for place, item in enumerate(objects):
+        classes.setdefault(item.name, []).append(place)
+    found: list[SemanticObject | None] = list(objects)
+    for places in classes.values():
+        if len(places) < _ENOUGH:
+            continue
+        free = [n for n in places if objects[n].id is not None and objects[n].id not in fixed]
+        usual = float(np.median([objects[n].footprint.area for n in places]))
+        joined = _joined_class([objects[n] for n in free], usual, may_be_one, max_growth)
+        for place, whole in zip(free, joined, strict=True):
+            found[place] = whole
+    return [item for item in found if item is not None]
 
 
-def _parts(
+def _joined_class(
     objects: Sequence[SemanticObject],
-    usual: Mapping[str, float],
+    usual: float,
     may_be_one: Callable[[int, int], bool],
     max_growth: float,
-    fixed: Collection[int],
-) -> tuple[int, int, BaseGeometry] | None:
-    """Return the first two parts of one object, the older first, with the hull of both."""
-    places = [
-        n
-        for n, item in enumerate(objects)
-        if item.name in usual and item.id is not None and item.id not in fixed
-    ]
-    shapes = as_objects(objects[n].footprint for n in places)
-    pairs = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_FARTHEST)
-    for first, second in sorted(zip(*pairs.tolist(), strict=True)):
-        i, j = places[first], places[second]
-        one, other = objects[i], objects[j]
-        if i >= j or one.name != other.name:
+) -> list[SemanticObject | None]:
+    """Return the objects of one class after joining, None for those that others have taken in.
+
+    Args:
+        objects: of a class, in the order of their ids.
+        usual: the median area of the class [m²].
+        may_be_one: as in `joined_parts`.
+        max_growth: likewise.
+    """
+    found: list[SemanticObject | None] = list(objects)
+    shapes = as_objects(item.footprint for item in objects)
+    near = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_FARTHEST)
+    pairs = [(i, j) for i, j in zip(*near.tolist(), strict=True) if i < j]
+    heapify(pairs)
+    while pairs:  # the first ones first; what has grown is compared again
+        i, j = heappop(pairs)
+        one, other = found[i], found[j]
+        if one is None or other is None or min(shapely.area(shapes[[i, j]])) > _SMALL * usual:
             continue
-        area = usual[one.name]
-        if min(one.footprint.area, other.footprint.area) > _SMALL * area:
+        both = shapely.convex_hull(shapely.union(shapes[i], shapes[j]))
+        if both.area > max_growth * usual or not may_be_one(*_ids(one, other)):
             continue
-        both = shapely.convex_hull(shapely.union(one.footprint, other.footprint))
-        if both.area <= max_growth * area and may_be_one(cast(int, one.id), cast(int, other.id)):
-            return i, j, both
-    return None
+        found[i], found[j] = _joined(one, other, both), None
+        shapes[i], shapes[j] = both, shapely.Polygon()
+        for other_place in shapely.dwithin(shapes, both, _FARTHEST).nonzero()[0].tolist():
+            if other_place != i:
+                heappush(pairs, (min(i, other_place), max(i, other_place)))
+    return found
 
 
-def _usual_areas(objects: Sequence[SemanticObject]) -> dict[str, float]:
-    """Return the median area of each class of which there are enough objects [m²]."""
-    areas: dict[str, list[float]] = {}
-    for item in objects:
-        areas.setdefault(item.name, []).append(item.footprint.area)
-    return {name: float(np.median(of)) for name, of in areas.items() if len(of) >= _ENOUGH}
+def _ids(*objects: SemanticObject) -> list[int]:
+    return [cast(int, item.id) for item in objects]
 
 
 def _joined(one: SemanticObject, other: SemanticObject, both: BaseGeometry) -> SemanticObject:
@@ -94,4 +101,6 @@ def _joined(one: SemanticObject, other: SemanticObject, both: BaseGeometry) -> S
         "z_min": min(mine["z_min"], others["z_min"]),
         "z_max": max(mine["z_max"], others["z_max"]),
     }
-    return replace(one, footprint=both, attributes={**mine, **measured})
+    stamps = [item.last_seen for item in (one, other) if item.last_seen is not None]
+    latest = max(stamps, default=None)
+    return replace(one, footprint=both, last_seen=latest, attributes={**mine, **measured})

@@ -87,12 +87,17 @@ class PublishedTracks:
                 found = self._without_doubles(found)
         else:
             found = [self._published(row) for row in rows]
-        edited = self.tracks.hand_edits()
-        if self.config.max_growth < math.inf:
-            found = joined_parts(found, self._may_be_one, self.config.max_growth, edited)
+        found = self._joined(found)
         if self.config.slip >= 1:
             return found
-        return one_class_per_place(found, self.config.slip, edited)
+        return one_class_per_place(found, self.config.slip, self.tracks.hand_edits())
+
+    def _joined(self, found: list[SemanticObject]) -> list[SemanticObject]:
+        """Return the objects with parts of one joined; see `joined_parts`."""
+        if self.config.max_growth == math.inf:
+            return found
+        edited = self.tracks.hand_edits()
+        return joined_parts(found, self._may_be_one, self.config.max_growth, edited)
 
     def _without_doubles(self, found: list[SemanticObject]) -> list[SemanticObject]:
         """Return the objects without second ones in the same places; see `without_doubles`."""
@@ -100,7 +105,7 @@ class PublishedTracks:
         return without_doubles(found, self._may_be_one, self.config.min_overlap, edited)
 
     def _may_be_one(self, one: int, other: int) -> bool:
-        """Return whether two tracks, by their ids, may be one object: not if frames show both."""
+        """Return whether two tracks, by their ids, may be one object: not if many frames show both."""
         first, second = (self.tracks.objects[row] for row in self.tracks.rows_of((one, other)))
         return not are_two(first, second, fewest=0)
 
@@ -115,8 +120,18 @@ class PublishedTracks:
     def layer(
         self, name: str, frame_id: str, wanted: Collection[int] | None = None
     ) -> SemanticLayer:
-        """Return `objects` as a layer, with their evidence."""
-        objects = self.objects(wanted)
+        """Return `objects` as a layer, with their evidence.
+
+        Args:
+            name: of the layer.
+            frame_id: its frame.
+            wanted: ids of the objects, which take in their parts of other ids; None for all.
+        """
+        if wanted is None:
+            objects = self.objects()
+        else:
+            whole = self._joined([self._published(row) for row in self.rows()])
+            objects = [item for item in whole if item.id in wanted]
         ids = {item.id for item in objects}
         kept = {o.id: tuple(o.buffer.items) for o in self.tracks.objects if o.id in ids}
         table, evidence = ObjectTable.of(objects), lazy_evidence_table(kept)
