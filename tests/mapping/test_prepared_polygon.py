@@ -94,3 +94,11 @@ def test_what_is_made_of_an_outline_is_made_once() -> None:
     outline = PreparedPolygon.of(shapely.box(0, 0, 2, 1))
     assert [outline.cached(make, factor) for factor in (1.0, 2.0, 1.0)] == [2, 4, 2]
     assert calls == [1, 2]
+
+
+def test_the_diameter_is_the_largest_distance_between_two_points() -> None:
+    parts = shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(3, 3, 3.5, 4)])
+    assert PreparedPolygon.of(parts).diameter == pytest.approx(np.hypot(3.5, 4))
+    assert PreparedPolygon.of(shapely.Polygon()).diameter == 0
+    round_one = shapely.Point(5, 5).buffer(2, quad_segs=1000)
+    assert PreparedPolygon.of(round_one).diameter == pytest.approx(4)

@@ -57,6 +57,20 @@ def test_parts_that_no_frame_shows_together_become_one_of_any_size() -> None:
     assert len(evidence) == 1
 
 
+def test_the_sizes_of_views_are_those_that_are_kept() -> None:
+    buffer = EvidenceBuffer(2)
+
+    def add(shape: BaseGeometry) -> list[float]:
+        ((_, evidence),) = evidence_from(seen(shape))
+        buffer.add(evidence)
+        return buffer.sizes[:, 1].round(6).tolist()
+
+    assert buffer.sizes.shape == (0, 2)
+    assert [add(strip(0, end)) for end in (1, 2, 3)] == [[0.6], [0.6, 1.2], [1.2, 1.8]]
+    buffer.merge([track(strip(0, 4), strip(0, 4))[0].buffer])
+    assert buffer.sizes[:, 1].round(6).tolist() == [1.8, 2.4]
+
+
 def test_two_ends_of_a_bench_are_one_if_a_view_shows_nearly_all_of_it() -> None:
     ends = track(strip(0, 1.2), strip(0, 1.2)), track(strip(1, 2), strip(1, 2), strip(0.2, 2))
     assert may_be_one(*ends, [one for one, _ in ends], 1.3)

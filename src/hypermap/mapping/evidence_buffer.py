@@ -197,6 +197,7 @@ class EvidenceBuffer:
         self._surely_there: tuple[float, float] | None = None
         self._agreement: tuple[PreparedPolygon, float] | None = None
         self._angle: float | None = None
+        self._sizes: NDArray[np.float64] | None = None
         self._oldest, self._newest = math.inf, -math.inf  # stamps of all pieces
         self.items: list[Evidence] = []
         self._centroids = Column(np.empty((0, 2)))
@@ -283,6 +284,14 @@ class EvidenceBuffer:
             self._views = JoinedViews(self.items)
         return self._views
 
+    @property
+    def sizes(self) -> NDArray[np.float64]:
+        """The diameter [m] and the area [m²] of each kept footprint, shape (N, 2)."""
+        if self._sizes is None:
+            sizes = [(item.prepared.diameter, item.prepared.area) for item in self.items]
+            self._sizes = np.array(sizes, np.float64).reshape(-1, 2)
+        return self._sizes
+
     def footprints(self) -> ObjectArray:
         """Return the kept footprints, shape (N,)."""
         return as_objects(evidence.footprint for evidence in self.items)
@@ -354,7 +363,7 @@ class EvidenceBuffer:
         return other
 
     def _count(self, count: int, score: float, first: float, last: float) -> None:
-        self._heights = self._surely_there = self._agreement = self._angle = None
+        self._heights = self._surely_there = self._agreement = self._angle = self._sizes = None
         self._oldest, self._newest = min(self._oldest, first), max(self._newest, last)
         self.count += count
         self.score_sum += score

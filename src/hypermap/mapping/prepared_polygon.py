@@ -45,6 +45,11 @@ class PreparedPolygon:
         """Polygon or multipolygon in the map frame [m]; may be empty."""
         return cast("BaseGeometry", shapely.polygons(self.edges[:, :2]))  # others are kept
 
+    @cached_property
+    def diameter(self) -> float:
+        """The largest distance between two of its points [m]; 0 if empty."""
+        return float(_diameter(shapely.get_coordinates(shapely.convex_hull(self.geometry))))
+
     @classmethod
     def of(cls, geometry: BaseGeometry) -> PreparedPolygon:
         """Prepare one geometry."""
@@ -160,6 +165,17 @@ def _measure_ring(
     for p in range(count):
         edges[p, 4] = 1 if twice_area > 0 else -1
     return xmin, ymin, xmax, ymax, abs(twice_area / 2)
+
+
+@loop()
+def _diameter(points: NDArray[np.float64]) -> float:
+    """Return the largest distance between two points, shape (P, 2)."""
+    most = 0.0
+    for i in range(len(points)):
+        for j in range(i):
+            dx, dy = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1]
+            most = max(most, dx * dx + dy * dy)
+    return float(np.sqrt(most))
 
 
 def _are_rings(shapes: ObjectArray) -> BoolArray:

@@ -13,7 +13,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hypermap.mapping.evidence_buffer import Evidence
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.tracks import Track
 
@@ -46,25 +45,14 @@ def may_be_one(
     size = _size(PreparedPolygon.of(both))
     absorbing = _ABSORBED * np.maximum(_size(one_shape), _size(other_shape))
     growth = np.array([max_growth, max_growth**2])
-    seen = _sizes([*one[0].buffer.items, *other[0].buffer.items]).max(axis=0, initial=0)
+    seen = np.vstack([one[0].buffer.sizes, other[0].buffer.sizes]).max(axis=0, initial=0)
     largest = np.maximum(absorbing, growth * seen)
     if (size <= largest).all():
         return True
-    views = _sizes([item for track in like for item in track.buffer.items])
+    views = np.vstack([np.empty((0, 2)), *(track.buffer.sizes for track in like)])
     usual = np.quantile(views, _MOST, axis=0) if len(views) else np.zeros(2)
     return bool((size <= np.maximum(largest, growth * usual)).all())
 
 
-def _sizes(items: Iterable[Evidence]) -> NDArray[np.float64]:
-    """Return the length [m] and the area [m²] of each piece of evidence, shape (N, 2)."""
-    return np.array([_size(item.prepared) for item in items]).reshape(-1, 2)
-
-
 def _size(shape: PreparedPolygon) -> NDArray[np.float64]:
-    return np.array([shape.cached(_length), shape.area])
-
-
-def _length(shape: PreparedPolygon) -> float:
-    """Return the largest distance between two points of a shape [m]."""
-    xy = shapely.get_coordinates(shapely.convex_hull(shape.geometry))
-    return float(np.hypot(*(xy[:, np.newaxis] - xy).T).max(initial=0))
+    return np.array([shape.diameter, shape.area])
