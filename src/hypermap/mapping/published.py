@@ -105,7 +105,7 @@ class PublishedTracks:
         return without_doubles(found, self._may_be_one, self.config.min_overlap, edited)
 
     def _may_be_one(self, one: int, other: int) -> bool:
-        """Return whether two tracks, by their ids, may be one object: not if many frames show both."""
+        """Return whether two ids may be one object: not if many frames show both tracks."""
         first, second = (self.tracks.objects[row] for row in self.tracks.rows_of((one, other)))
         return not are_two(first, second, fewest=0)
 
