@@ -10,8 +10,9 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from hypermap import GridGeometry, OccupancyLayer
 from hypermap.core.errors import HypermapError
-from hypermap.paths import NoPath, find_path
+from hypermap.paths import FreeSpace, NoPath, PathSettings, find_path
 
 from .test_find import space_of
 
@@ -47,6 +48,16 @@ def test_keepout_zones_that_separate_two_places_are_told():
     )
     with pytest.raises(NoPath, match="; walls or keepout zones separate them"):
         find_path(closed, [1, 1], [8, 1])
+
+
+def test_only_the_center_of_a_robot_stays_out_of_keepout_zones():
+    layer = OccupancyLayer("occupancy", "map", GridGeometry(90, 40, 0.1), DOORS)
+    beside_door = [shapely.box(2.5, 0.0, 3.5, 1.95)]  # and through its lower half
+    told = FreeSpace.of(layer, PathSettings(robot_radius=0.5), beside_door)
+    with pytest.raises(NoPath, match=r"the widest way lets 0.39 m pass"):
+        find_path(told, [1, 1], [8, 1])
+    smaller = FreeSpace.of(layer, PathSettings(robot_radius=0.39), beside_door)
+    assert len(find_path(smaller, [1, 1], [8, 1])) > 1
 
 
 @given(

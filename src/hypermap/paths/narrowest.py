@@ -28,18 +28,21 @@ def why_no_path(space: FreeSpace, first: int, last: int) -> str:
         last: number of the last cell.
     """
     ends = np.divmod([first, last], space.grid.width)
-    blocked = space.occupied if space.kept_out is None else space.occupied | space.kept_out
+    kept_out = np.False_ if space.kept_out is None else space.kept_out
+    blocked = space.occupied
     if not space.settings.unknown_is_free:
-        if not _are_connected(~(blocked | space.unknown), ends) and _are_connected(~blocked, ends):
+        known, free = (~(cells | kept_out) for cells in (blocked | space.unknown, blocked))
+        if not _are_connected(known, ends) and _are_connected(free, ends):
             return (
                 "only unknown cells connect them; a robot may drive through these with "
                 "--through-unknown on the command line, unknown_is_free in Python"
             )
         blocked = blocked | space.unknown
-    if not _are_connected(~blocked, ends):
+    if not _are_connected(~(blocked | kept_out), ends):
         keepout = "" if space.kept_out is None else " or keepout zones"
         return f"walls{keepout} separate them"
     far = scipy.ndimage.distance_transform_edt(~blocked) * space.grid.resolution
+    far[kept_out] = 0  # to robots of any size, as only their centers stay out
     widest, place = _narrowest(far, ends, space.settings.robot_radius)
     x, y = space.grid.origin.apply(place * space.grid.resolution)[0]
     radius = math.floor((widest - _ROUNDING) / _STEP) * _STEP
