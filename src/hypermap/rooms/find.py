@@ -47,10 +47,10 @@ def find_rooms(
 ) -> Rooms:
     """Cut free space into rooms and corridors; the same cells give the same rooms.
 
-    Cells from 0 to 49 are free. Everything else is a wall, including unknown cells, unless it is
-    small and touches no wall. Space is cut where lines of walls continue across it (`openings`) and
-    where it is narrow (`basins`); the pieces are joined again unless a door or an open side
-    separates them (`Pieces`).
+    Cells from 0 to 49 are free. Everything else is a wall, unless it is small and touches no wall,
+    or unknown and mostly surrounded by free cells (`with_unseen`). Space is cut where lines of
+    walls continue across it (`openings`) and where it is narrow (`basins`); the pieces are joined
+    again unless a door or an open side separates them (`Pieces`).
 
     Args:
         occupancy: the grid.
