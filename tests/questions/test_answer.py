@@ -345,6 +345,12 @@ def test_the_size_of_rooms_is_told(flat: Hypermap) -> None:
     assert row["size"]["area"] == pytest.approx(4.8 * 3.8)
 
 
+def test_the_size_of_this_room_is_that_of_the_room_with_the_asker(flat: Hypermap) -> None:
+    answer = answer_to(flat, "how big is this room?", Pose2D(8, 2, 0))
+    (line,) = lines(flat, answer)
+    assert line == "kitchen 1 at (7.50, 2.00), in kitchen: 4.80 x 3.80 m, 18.2 m²"
+
+
 def test_without_rooms_or_heights_the_answer_says_what_is_missing() -> None:
     things = [SemanticObject("cup", shapely.box(0, 0, 1, 1)) for _ in range(2)]
     hypermap = Hypermap([SemanticLayer("semantic", "map", things)])

@@ -134,6 +134,9 @@ _KEYWORDS = {
         "in here|in this room|inside this room|in the room where i am|in the room i am in"
         "|in the same room as me|in the current room"
     ),
+    "THIS_ROOM": (
+        "this room|my room|our room|the current room|the room i am in|the room where i am"
+    ),
     "WHERE_AM_I": (
         "which room am i in|what room am i in|in which room am i|in what room am i|where am i"
         "|which room are you in|what room are you in|in which room are you|where are you"

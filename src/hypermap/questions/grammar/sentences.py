@@ -7,6 +7,7 @@ from typing import Any
 
 from hypermap.core.hypermap import ROOMS
 from hypermap.questions.grammar.parts import (
+    WHICH,
     conditions_of,
     counted,
     left_out,
@@ -121,7 +122,12 @@ class Sentences(RoomSentences):
         return replace(query_of_parts(parts), give="size")
 
     def how_big_room(self, parts: list[Any]) -> Query:
-        return Query("size", rooms=rooms_of(parts) or ("room",))
+        which = types_of(parts).get("THE_MOST")
+        rooms = rooms_of(parts) or ("room",)
+        return Query("size", rooms=rooms, which=WHICH[which] if which else None)
+
+    def how_big_here(self, parts: list[Any]) -> Query:
+        return replace(self.where_am_i(parts), give="size")
 
     # Times
 
