@@ -5,12 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import pytest
 import shapely
 from tests.mapping.evidence_tools import DEFAULT, published_all, seen
 
 from hypermap.core.semantic import SemanticObject
+from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.parts import joined_parts
+from hypermap.mapping.perceived import no_detections
 
 
 def shelf(number: int, begin: float, end: float, row: float = 0.0) -> SemanticObject:
@@ -40,17 +44,48 @@ def test_what_is_joined_was_seen_when_its_newer_part_was() -> None:
     assert whole.last_seen == 7
 
 
-def test_a_layer_before_the_final_one_and_after_it_has_the_whole_object() -> None:
-    evidence = EvidenceMap(published_all(DEFAULT))
+def add_shelf_in_two_parts(evidence: EvidenceMap) -> None:
     others = [shapely.box(0, row, 2, row + 0.6) for row in (2, 4, 6, 8)]
     for part in (shapely.box(0, 0, 0.9, 0.6), shapely.box(1, 0, 2, 0.6)):
         for _ in range(3):
             evidence.update(seen(part, *others, area=shapely.union_all([part, *others])))
 
+
+def test_a_layer_before_the_final_one_and_after_it_has_the_whole_object() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    add_shelf_in_two_parts(evidence)
+
     def areas(is_final: bool) -> list[float]:
         return [round(item.footprint.area, 1) for item in evidence.layer(is_final=is_final)]
 
     assert areas(False) == areas(True) == areas(False) == [1.2] * 5
+
+
+@pytest.mark.parametrize(
+    ("edit", "expected"),
+    [
+        (lambda layer: layer.remove([0]), []),
+        (lambda layer: layer.rename(0, "couch"), [("couch", 1.2)]),
+        (lambda layer: layer.rename(1, "couch"), [("chair", 1.2)]),
+        (
+            lambda layer: layer.update(
+                0, dataclasses.replace(layer.get(0), footprint=shapely.box(0, 0, 2.1, 0.6))
+            ),
+            [("chair", 1.26)],
+        ),
+    ],
+)
+def test_an_edit_of_the_whole_is_one_of_its_parts(edit, expected: list[object]) -> None:
+    config = dataclasses.replace(profile("default"), evidence=published_all(DEFAULT))
+    mapper = Mapper(config, no_detections)
+    add_shelf_in_two_parts(mapper.evidence)
+    for _ in range(2):  # the second time, the edit is in the state of the mapper
+        hypermap = mapper.hypermap()
+        edit(hypermap.semantic())
+        mapper = Mapper.onto(hypermap, no_detections)
+        edit = len
+    found = [item for item in mapper.hypermap().semantic() if item.footprint.bounds[1] < 1]
+    assert [(item.name, round(item.footprint.area, 2)) for item in found] == expected
 
 
 def test_three_parts_become_one() -> None:

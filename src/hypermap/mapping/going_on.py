@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+import shapely
+
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
@@ -15,9 +17,12 @@ from hypermap.mapping.by_hand import HandEdit, hand_edits, ids_by_edit, marked
 from hypermap.mapping.config import MappingConfig, profile_like, to_dict
 from hypermap.mapping.mapper_state import MapperState, parse_published, parse_state
 from hypermap.mapping.overrides import override
+from hypermap.mapping.stages import EvidenceConfig
 
 SEMANTIC = "semantic"
 """Name of the semantic layer that mapping makes."""
+
+_PART = 0.5  # least share of the shape of a part that is in the object
 
 
 class CannotGoOn(HypermapError):
@@ -90,8 +95,11 @@ def state_of(hypermap: Hypermap, config: MappingConfig) -> MapperState:
     return state
 
 
-def edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:
+def edits_of(hypermap: Hypermap, state: MapperState, config: EvidenceConfig) -> dict[int, HandEdit]:
     """Return all edits made by hand to a map, by the objects' ids.
+
+    What was deleted, or has got another shape, takes along its parts and doubles, which the map
+    does not show: they are deleted.
 
     Raises:
         CannotGoOn: If the semantic layer is missing.
@@ -99,10 +107,32 @@ def edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:
     layer = layer_of_objects(hypermap)
     if layer is not None:
         before = {track.id: track.by_hand for track in state.tracks.objects if track.by_hand}
-        return hand_edits(state.published, layer, before)
+        edits = hand_edits(state.published, layer, before)
+        return edits | _edits_of_parts(edits, state, config)
     if state.published:
         raise CannotGoOn("its semantic layer is missing; was it renamed or removed?")
     return {}
+
+
+def _edits_of_parts(
+    edits: Mapping[int, HandEdit], state: MapperState, config: EvidenceConfig
+) -> dict[int, HandEdit]:
+    """Return the deletions of tracks that the map shows as parts of edited objects."""
+    tracks, shown = state.tracks, {item.id: item for item in state.published}
+    is_there = tracks.existence > config.publish_above
+    free = {n: track for n, track in enumerate(tracks.objects) if track.by_hand is None}
+    hidden = [n for n, track in free.items() if is_there[n] and track.id not in shown]
+    found: dict[int, HandEdit] = {}
+    for whole in free.values():
+        edit, item = edits.get(whole.id), shown.get(whole.id)
+        if item is None or edit is None or not (edit.is_deleted or edit.shape is not None):
+            continue
+        for row in hidden:
+            part, shape = free[row], tracks.shapes.polygons[row]
+            shared = shapely.area(shapely.intersection(shape.geometry, item.footprint))
+            if part.name == whole.name and shared >= _PART * shape.area:
+                found[part.id] = HandEdit(is_deleted=True)
+    return found
 
 
 def layer_of_objects(hypermap: Hypermap) -> SemanticLayer | None:

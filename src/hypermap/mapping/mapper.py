@@ -167,7 +167,7 @@ class Mapper:
             occupancy = next(grids, OccupancyLayer(_OCCUPANCY, hypermap.base_frame))
         mapper = cls(own_config, source, occupancy, hypermap.base_frame, drive)
         mapper._has_objects = mapper._has_objects or layer_of_objects(hypermap) is not None
-        mapper.evidence.go_on_with(state.tracks, edits_of(hypermap, state))
+        mapper.evidence.go_on_with(state.tracks, edits_of(hypermap, state, own_config.evidence))
         published = {item.id for item in state.published}
         mapper.evidence.left_out = {n for n, _, _ in mapper.evidence.summary()} - published
         mapper._intake.go_on_after(state.drives, state.keyframe, state.counts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -93,11 +93,23 @@ class PublishedTracks:
         return one_class_per_place(found, self.config.slip, self.tracks.hand_edits())
 
     def _joined(self, found: list[SemanticObject]) -> list[SemanticObject]:
-        """Return the objects with parts of one joined; see `joined_parts`."""
+        """Return the objects with parts of one joined; see `joined_parts`.
+
+        What people have renamed stays whole: it takes in its parts, but nothing takes it in.
+        """
         if self.config.max_growth == math.inf:
             return found
-        edited = self.tracks.hand_edits()
-        return joined_parts(found, self._may_be_one, self.config.max_growth, edited)
+        edits = self.tracks.hand_edits()
+        fixed = {n for n, edit in edits.items() if edit.is_deleted or edit.shape is not None}
+        names = {item.id: item.name for item in found if item.id in edits}
+        mapped = {track.id: track.name for track in self.tracks.objects if track.id in names}
+        found = [replace(i, name=mapped[i.id]) if i.id in mapped else i for i in found]
+
+        def may_be_one(one: int, other: int) -> bool:
+            return other not in edits and self._may_be_one(one, other)
+
+        joined = joined_parts(found, may_be_one, self.config.max_growth, fixed)
+        return [replace(i, name=names[i.id]) if i.id in names else i for i in joined]
 
     def _without_doubles(self, found: list[SemanticObject]) -> list[SemanticObject]:
         """Return the objects without second ones in the same places; see `without_doubles`."""

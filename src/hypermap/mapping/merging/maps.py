@@ -170,7 +170,7 @@ def _grid_of(hypermap: Hypermap) -> OccupancyLayer:
 def _tracks(hypermap: Hypermap, state: MapperState, config: MappingConfig) -> TrackTable:
     """Return the tracks of a map, with the edits made by hand."""
     evidence = EvidenceMap(config.evidence)
-    evidence.go_on_with(state.tracks, edits_of(hypermap, state))
+    evidence.go_on_with(state.tracks, edits_of(hypermap, state, config.evidence))
     return evidence.tracks()
 
 
