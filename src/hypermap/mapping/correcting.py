@@ -210,13 +210,12 @@ def map_again(
     """
     stay = _parts_that_stay(log, poses)
     first, begin = log.parts[stay].before, sum(len(part.frames) for part in log.parts[:stay])
-    evidence, occupancy = EvidenceMap(config.evidence, is_free), OccupancyMapper(config.occupancy)
+    evidence, occupancy = (
+        EvidenceMap(config.evidence, is_free),
+        _cells_of(first, poses[begin:], config),
+    )
     edits = {track.id: track.by_hand for track in first.tracks.objects if track.by_hand}
     evidence.go_on_with(first.tracks.snapshot(), edits)
-    if first.log_odds is not None:
-        occupancy.go_on_with(first.first_cell, first.log_odds.copy())
-        places, reach = poses[begin:, :2, 3], config.occupancy.max_range
-        occupancy.make_room(places.min(axis=0) - reach, places.max(axis=0) + reach)
     again = FrameLog(log.parts[:stay])
     again.end_drive()
     contents, stamps = log.frames[begin:], log.stamps.tolist()
@@ -243,6 +242,18 @@ def map_again(
     evidence.go_on_with(tracks, before.hand_edits())
     evidence.left_out = before.left_out
     return MappedAgain(evidence, occupancy, again)
+
+
+def _cells_of(
+    first: MapBefore, poses: NDArray[np.float64], config: MappingConfig
+) -> OccupancyMapper:
+    """Return the cells of a map, with room for those that frames at some poses will see."""
+    occupancy = OccupancyMapper(config.occupancy)
+    if first.log_odds is not None:
+        occupancy.go_on_with(first.first_cell, first.log_odds.copy())
+        places, reach = poses[:, :2, 3], config.occupancy.max_range
+        occupancy.make_room(places.min(axis=0) - reach, places.max(axis=0) + reach)
+    return occupancy
 
 
 def _moved_frames(
