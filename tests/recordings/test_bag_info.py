@@ -136,7 +136,8 @@ NO_INFO = (
             {},
             [
                 "the camera info is for images of 640 x 480 pixels, but the depth images have "
-                "32 x 24; choose another with --camera-info-topic, or give --intrinsics"
+                "32 x 24; choose another with --camera-info-topic, or give --intrinsics "
+                "to `hypermap map`"
             ],
         ),
         (
@@ -144,7 +145,7 @@ NO_INFO = (
             {},
             [
                 "the camera info contains no calibration (focal lengths must be positive, got 0.0, "
-                "0.0); give --intrinsics"
+                "0.0); calibrate the camera, or give --intrinsics to `hypermap map`"
             ],
         ),
         (

@@ -26,7 +26,7 @@ def camera_of_info(info: Any, width: int, height: int, is_rectified: bool) -> Ca
         raise FormatError(
             f"the camera info is for images of {info.width} x {info.height} pixels, but the depth "
             f"images have {width} x {height}; choose another with --camera-info-topic, or give "
-            "--intrinsics"
+            "--intrinsics to `hypermap map`"
         )
     if is_rectified and has_distortion(info):
         K = np.array(_field(info, "P"), dtype=float).reshape(3, 4)[:, :3]
@@ -36,7 +36,8 @@ def camera_of_info(info: Any, width: int, height: int, is_rectified: bool) -> Ca
         return Camera(K, width, height)
     except ValueError as error:
         raise FormatError(
-            f"the camera info contains no calibration ({error}); give --intrinsics"
+            f"the camera info contains no calibration ({error}); calibrate the camera, or "
+            "give --intrinsics to `hypermap map`"
         ) from None
 
 
