@@ -210,12 +210,9 @@ def map_again(
     """
     stay = _parts_that_stay(log, poses)
     first, begin = log.parts[stay].before, sum(len(part.frames) for part in log.parts[:stay])
-    evidence, occupancy = (
-        EvidenceMap(config.evidence, is_free),
-        _cells_of(first, poses[begin:], config),
-    )
-    edits = {track.id: track.by_hand for track in first.tracks.objects if track.by_hand}
-    evidence.go_on_with(first.tracks.snapshot(), edits)
+    evidence = EvidenceMap(config.evidence, is_free)
+    evidence.go_on_with(first.tracks.snapshot(), first.tracks.hand_edits())
+    occupancy = _cells_of(first, poses[begin:], config)
     again = FrameLog(log.parts[:stay])
     again.end_drive()
     contents, stamps = log.frames[begin:], log.stamps.tolist()

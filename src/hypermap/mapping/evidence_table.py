@@ -20,7 +20,7 @@ from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.overrides import override
 from hypermap.mapping.stages import EvidenceConfig
 
-_TOLERANCE = 0.005  # meters; visible areas are simplified by up to a quarter of a voting cell
+_TOLERANCE = 0.005  # meters; visible areas are simplified by up to a voting cell
 
 
 def lazy_evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> Callable[[], EvidenceTable]:
