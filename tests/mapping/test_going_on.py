@@ -23,6 +23,7 @@ from hypermap.formats import open_map, save_map
 from hypermap.mapping.config import profile
 from hypermap.mapping.going_on import CannotGoOn
 from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.overrides import override
 from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera, RgbdFrame
@@ -230,6 +231,16 @@ def test_settings_that_an_earlier_version_did_not_know_are_those_of_the_profile(
         del hypermap.metadata["config"]["evidence"][key]
     assert Mapper.onto(hypermap, SOURCE).config == profile(name)
     assert Mapper.onto(hypermap, SOURCE, profile(name)).config == profile(name)
+
+
+def test_a_map_with_defaults_of_an_earlier_version_keeps_them_when_its_profile_is_named() -> None:
+    hypermap = Mapper(profile("default"), SOURCE).hypermap()
+    hypermap.metadata["config"]["evidence"]["loss"] = 0.321
+    going_on = Mapper.onto(hypermap, SOURCE, profile("default"))
+    assert going_on.config.evidence.loss == 0.321
+    other = override(profile("default"), {"evidence": {"loss": 0.4}})
+    with pytest.raises(CannotGoOn, match=r"made with evidence: loss: 0.321, not 0.4"):
+        Mapper.onto(hypermap, SOURCE, other)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,8 @@ def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None)
 
     Args:
         hypermap: the map.
-        asked: the configuration that the user asks for; must be that of the map; None for any.
+        asked: the configuration that the user asks for; must be that of the map, but for values
+            that are those of its profile, which another version may have changed; None for any.
 
     Raises:
         CannotGoOn: If it cannot.
@@ -62,10 +63,14 @@ def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None)
 
 
 def _check_same(config: MappingConfig, asked: MappingConfig) -> None:
+    """Raise a CannotGoOn if a user asks for other settings than those of a map."""
     before, now = to_dict(config), to_dict(asked)
+    own = profile_like(before)
+    defaults = to_dict(own) if profile_like(now) == own else {}
     for stage, values in before.items():
         for key, value in values.items():
-            if now[stage][key] != value:
+            is_default = key != "min_score" and defaults.get(stage, {}).get(key) == now[stage][key]
+            if now[stage][key] != value and not is_default:
                 raise CannotGoOn(
                     f"the map was made with {stage}: {key}: {value}, not {now[stage][key]}; "
                     "mapping continues with the map's configuration: leave out "
