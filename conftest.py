@@ -169,9 +169,9 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, Any, Any]:
     as a small test.
     """
     now = time.monotonic()
-    if not _armed or now - _armed[0] > _ARMED_EVERY:
+    file = item.config.stash.get(fault_handler_stderr_fd_key, None)  # None: -p no:faulthandler
+    if file is not None and (not _armed or now - _armed[0] > _ARMED_EVERY):
         _armed[:] = [now]
-        file = item.config.stash[fault_handler_stderr_fd_key]
         faulthandler.dump_traceback_later(_HANGS_AFTER, file=file)
     return (yield)
 
