@@ -65,6 +65,9 @@ def test_an_address_that_others_do_not_reach_is_told(needs_ros1: None) -> None:
     reason = why_unreachable(here, "http://127.0.0.1:11311")
     assert reason is not None
     assert "127.0.0.1 is no address of this machine" in reason
+    reason = why_unreachable("http://robot..local:4711/", "http://127.0.0.1:11311")
+    assert reason is not None
+    assert reason.startswith("robot..local is no address of this machine")
 
 
 def test_a_late_subscriber_receives_the_last_latched_message(port: Any) -> None:

@@ -40,7 +40,7 @@ _RELATIONS: dict[str, Relation] = {
     "VISIBLE": "visible from",
 }
 # A thing may be near both of two others, or in front of both; it is on one of them only.
-_AND_IS_UNCLEAR = {"WITHIN", "NEXT_TO", "SIDE", "VISIBLE"}
+_AND_IS_UNCLEAR = {"WITHIN", "NEXT_TO", "SIDE", "VISIBLE", "IN_ROOM_OF"}
 
 
 class Phrases(Transformer[Token, Query]):

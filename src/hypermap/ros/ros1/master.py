@@ -55,7 +55,7 @@ def why_unreachable(node_uri: str, master_uri: str) -> str | None:
         with socket.create_connection((host, port), _ANSWER_TIME) as own:
             address = own.getpeername()[0]
         master = socket.getaddrinfo(urlsplit(master_uri).hostname, None)[0][4][0]
-    except OSError as error:
+    except (OSError, UnicodeError) as error:  # a name may be none at all, such as "a..b"
         return f"{host} is no address of this machine ({error})"
     if ip_address(address).is_loopback and not ip_address(master).is_loopback:
         return f"{host} is this machine for itself alone, and the roscore is at {master}"
