@@ -21,6 +21,9 @@ from hypermap.perception.observation import Observation, ObservedObject
 
 FRONT = shapely.box(3.0, 1.0, 3.1, 3.0)  # the front of a shelf, seen from the left
 FROM_LEFT = np.array([[0.0, 1.0], [0.5, 2.0], [0.0, 3.0]])
+NO_RECTANGLE = shapely.Polygon(
+    [(3.48238739884257e-310, 3.4795004210353e-310), (3.4822220290093e-310, 2.2e-236), (0.02, 0.01)]
+)
 ALL_AROUND = np.array([[0.0, 2.0], [6.0, 2.0], [3.0, 5.0], [3.0, -1.0]])
 
 
@@ -38,6 +41,7 @@ def test_a_front_grows_away_from_the_cameras() -> None:
         (shapely.box(3, 1, 3.6, 3), "shelf", FROM_LEFT),  # deep enough
         (FRONT, "shelf", np.array([[3.05, 2.0]])),  # from above
         (shapely.Polygon(), "shelf", FROM_LEFT),
+        (NO_RECTANGLE, "shelf", np.array([[0.0, 1.0]])),  # as a damaged file has it
         (shapely.union(FRONT, shapely.box(4, 1, 4.1, 3)), "shelf", FROM_LEFT),
     ],
 )

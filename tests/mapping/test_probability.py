@@ -54,3 +54,14 @@ def test_sides_and_agreement_make_an_object_more_probable() -> None:
     half = views((2.0, 0.0), (2.0, 0.0), shape=shapely.box(-0.5, -0.5, 0.0, 0.5))
     assert half.agreement(WHOLE) == pytest.approx(0.5)
     assert probability(3.0, half, WHOLE) < probability(3.0, one_side, WHOLE)
+
+
+def test_views_whose_outlines_cross_themselves_as_in_a_damaged_file_agree_somehow() -> None:
+    crossing = shapely.Polygon([(1.5, 0.5), (0.5, 1.5), (1.5, 1.5), (0.5, 1), (1.5, 1)])
+    whole = shapely.Polygon([(1, 0), (0, 0), (0, 2), (2, 2), (1, 2)])
+    with pytest.raises(shapely.GEOSException):
+        shapely.intersection(whole, crossing)
+    buffer = views((2.0, 0.0), (3.0, 0.0))
+    for item in buffer.items:
+        object.__setattr__(item, "footprint", whole)
+    assert 0 <= buffer.agreement(PreparedPolygon.of(crossing)) <= 1

@@ -9,14 +9,16 @@ import pytest
 import shapely
 
 from hypermap.core.errors import FormatError
+from hypermap.core.frames import Pose2D
 from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.ros.messages.from_messages import apply_semantic_update, with_grid_update
 from hypermap.ros.messages.to_messages import semantic_map
+from hypermap.ros.server.updates import _objects
 from hypermap.testing.builders import occupancy_from_text, square
 
-from .message_builder import NAN, SQUARE, item, update
+from .message_builder import NAN, SQUARE, item, semantic, update
 
 
 def things() -> SemanticLayer:
@@ -170,3 +172,14 @@ def test_a_window_of_another_frame_is_refused(types: Any) -> None:
 def test_an_empty_layer_takes_no_window(types: Any) -> None:
     with pytest.raises(FormatError, match="is empty; an update needs a map"):
         with_grid_update(OccupancyLayer("o", "map"), grid_update(types, 0, 0, 1, [0]))
+
+
+def test_an_object_that_its_frame_moves_out_of_the_world_is_left_out(types: Any) -> None:
+    far = [(1e9 - 1000, 0), (1e9, 0), (1e9, 1000)]
+    message = semantic(types, item(types, "plant", SQUARE, 1), item(types, "door", far, 2))
+    layer, problems = _objects(things(), message, Pose2D(10.0, 0.0))
+    assert [got.name for got in layer.objects()] == ["plant"]
+    (problem,) = problems
+    assert problem.startswith(
+        "object 2 ('door') is left out: a footprint must be finite and within"
+    )

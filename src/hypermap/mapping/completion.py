@@ -79,7 +79,7 @@ def completed(
         return shape
     away, extent = _along(shape, mean_view(center, cameras_xy))
     more = depth - extent
-    if more < _WORTH:
+    if more < _WORTH or not np.isfinite(away).all():
         return shape
     if is_free is not None:
         more = _room_behind(shape, away, more, is_free)
@@ -95,12 +95,13 @@ def free_share(occupancy: OccupancyLayer, area: BaseGeometry) -> float:
 def _along(shape: BaseGeometry, view: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Return the axis of a shape that points away from the cameras, and its extent along it [m].
 
-    The axes are those of the smallest rectangle around it.
+    The axes are those of the smallest rectangle around it; not finite if it has none.
     """
-    rectangle = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))
-    sides = np.diff(rectangle[:3], axis=0)
-    lengths = np.hypot(*sides.T)
-    axes = sides / lengths[:, np.newaxis]
+    with np.errstate(divide="ignore", invalid="ignore"):  # as of coordinates of 1e-310
+        rectangle = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))
+        sides = np.diff(rectangle[:3], axis=0)
+        lengths = np.hypot(*sides.T)
+        axes = sides / lengths[:, np.newaxis]
     along = axes @ view
     k = int(np.argmax(np.abs(along)))
     return np.copysign(1.0, along[k]) * axes[k], float(lengths[k])

@@ -310,7 +310,7 @@ class EvidenceBuffer:
             return 1.0
         if self._agreement is None or self._agreement[0] is not shape:
             areas = [item.prepared.area for item in self.items]
-            shared = shapely.area(shapely.intersection(self.footprints(), shape.geometry))
+            shared = shapely.area(_shared(self.footprints(), shape.geometry))
             ious = shared / (np.array(areas) + shape.area - shared)
             self._agreement = shape, float(ious.mean())
         return self._agreement[1]
@@ -370,3 +370,12 @@ class EvidenceBuffer:
         if first > EARLIEST or not EARLIEST < self.first_seen < np.inf:  # a clock that was not set
             self.first_seen = min(self.first_seen, first)
         self.last_seen = max(self.last_seen, last)
+
+
+def _shared(shapes: ObjectArray, shape: BaseGeometry) -> ObjectArray:
+    """Return what each of some shapes shares with another one, shape (N,)."""
+    try:
+        shared: ObjectArray = shapely.intersection(shapes, shape)
+    except shapely.GEOSException:  # outlines in a file may cross themselves
+        shared = shapely.intersection(shapely.make_valid(shapes), shapely.make_valid(shape))
+    return shared

@@ -12,6 +12,7 @@ from hypermap.core.errors import HypermapError, LayerNotFound
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
+from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.recordings.messages.header import clean_frame
@@ -67,8 +68,18 @@ def _grid(layer: OccupancyLayer, message: Message, pose: Pose2D) -> tuple[Layer,
 
 def _objects(layer: SemanticLayer, message: Message, pose: Pose2D) -> tuple[Layer, list[str]]:
     received, problems = semantic_objects_of(message)
-    objects = [replace(item, footprint=pose.apply_geometry(item.footprint)) for item in received]
+    moved = [_moved(item, pose, problems) for item in received]
+    objects = [item for item in moved if item is not None]
     return SemanticLayer(layer.name, layer.frame_id, objects, layer.settings), problems
+
+
+def _moved(item: SemanticObject, pose: Pose2D, problems: list[str]) -> SemanticObject | None:
+    """Return an object in another frame; None, and a problem, if that is out of the world."""
+    try:
+        return replace(item, footprint=pose.apply_geometry(item.footprint))
+    except ValueError as error:
+        problems.append(f"object {item.id} ({item.name!r}) is left out: {error}")
+        return None
 
 
 def _updated_grid(layer: OccupancyLayer, message: Message, _: Pose2D) -> tuple[Layer, list[str]]:
