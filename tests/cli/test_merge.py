@@ -99,7 +99,7 @@ def test_maps_in_one_frame_need_not_be_aligned(
     answer = hypermap("merge", maps[0], maps[2], "--same-frame", "-o", out, "--json").json
     assert answer["maps"][0] | {"map": "", "both": 0} == {
         "map": "", "x": 0, "y": 0, "yaw": 0, "both": 0, "first": 0, "second": 0, "gone": 0,
-        "conflicts": [], "renamed": {},
+        "conflicts": [], "renamed": {}, "settings": [],
     }  # fmt: skip
     assert answer["objects"] == answer["maps"][0]["both"] > 3
 

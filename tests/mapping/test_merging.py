@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
 import math
@@ -296,6 +297,24 @@ def test_maps_that_cannot_be_merged_are_refused() -> None:
     without.mapper_state = None
     with pytest.raises(CannotGoOn, match="--drop-evidence"):
         merge_maps(first_day(), without, Pose2D())
+
+
+def test_a_map_of_a_version_with_other_defaults_is_merged_by_those_of_the_first() -> None:
+    older = second_day(*ALL).with_layers(list(second_day(*ALL)))
+    config = copy.deepcopy(older.metadata["config"])
+    config["evidence"] |= {"gain": 1.4, "tolerance": 0.123}
+    older.metadata = {**older.metadata, "config": config, "hypermap_version": "0.0.1"}
+    merged = merge_maps(first_day(), older, OTHER_FRAME)
+    assert (merged.both, merged.second, merged.gone) == (3, 0, 0)
+    assert merged.hypermap.metadata["config"] == first_day().metadata["config"]
+    assert merged.settings[0] == "evidence: gain: 1.5 instead of 1.4"
+    assert len(merged.settings) == 2
+    own = copy.deepcopy(first_day().metadata["config"])
+    own["evidence"]["gain"] = 1.3  # neither is the default: the user has chosen
+    chosen = first_day().with_layers(list(first_day()))
+    chosen.metadata = {**chosen.metadata, "config": own}
+    with pytest.raises(CannotMerge, match=r"evidence: gain: 1\.3 and 1\.4"):
+        merge_maps(chosen, older, OTHER_FRAME)
 
 
 def test_merging_leaves_both_maps_as_they_were(tmp_path: Path) -> None:

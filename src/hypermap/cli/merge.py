@@ -120,6 +120,7 @@ def _described(merged: Merged, pose: Pose2D, other: Path) -> dict[str, Any]:
         "gone": merged.gone,
         "conflicts": list(merged.conflicts),
         "renamed": merged.renamed,
+        "settings": list(merged.settings),
     }
 
 
@@ -130,6 +131,11 @@ def _show(merged: Merged, pose: Pose2D, other: Path) -> None:
         f"  {counted(merged.both, 'object')} in both, {merged.first} only before, "
         f"{merged.second} new, {merged.gone} gone"
     )
+    if merged.settings:
+        note(
+            f"{other} was made with other defaults, by another version; the result has those of "
+            f"the first map ({'; '.join(merged.settings)})"
+        )
     for number in merged.conflicts:
         note(f"object {number} was edited by hand in both maps: the edits of the first one stay")
     for old, new in merged.renamed.items():

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Any
 from hypermap._lazy import attribute
 
 if TYPE_CHECKING:
-    from hypermap.mapping.merging.maps import CannotMerge, Merged, merge_maps
+    from hypermap.mapping.merging.maps import Merged, merge_maps
+    from hypermap.mapping.merging.settings import CannotMerge
 
 _HOMES = {
-    "CannotMerge": "hypermap.mapping.merging.maps",
+    "CannotMerge": "hypermap.mapping.merging.settings",
     "Merged": "hypermap.mapping.merging.maps",
     "merge_maps": "hypermap.mapping.merging.maps",
 }

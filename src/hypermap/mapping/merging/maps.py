@@ -16,7 +16,7 @@ from hypermap.alignment.frames import (
     in_frame_of,
     with_frames_renamed,
 )
-from hypermap.core.errors import FrameError, HypermapError
+from hypermap.core.errors import FrameError
 from hypermap.core.frames import FrameTree, Pose2D
 from hypermap.core.grid import GridGeometry, along
 from hypermap.core.hypermap import Hypermap
@@ -24,12 +24,11 @@ from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.mapping.completion import free_share
-from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.going_on import (
     SEMANTIC,
-    config_to_go_on_with,
     edits_of,
     layer_of_objects,
     state_of,
@@ -38,15 +37,12 @@ from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.merging.grids import added_layers, added_log_odds, log_odds_of
 from hypermap.mapping.merging.moving import moved_tracks
+from hypermap.mapping.merging.settings import CannotMerge, common_config
 from hypermap.mapping.merging.tracks import IsFree, Joined, join_tracks
 from hypermap.mapping.tracks import TrackTable
 
 _FREE = 0.9  # share of an area that must be free for it to contain no object
 _SAME_FRAMES = 0.01  # share of a map's frames; fewer have the same key by chance
-
-
-class CannotMerge(HypermapError):
-    """Two maps cannot be merged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +57,8 @@ class Merged:
         gone: number of objects that are not in the result, because later views did not show them.
         conflicts: ids of objects edited by hand in both maps; the first map's edits are kept.
         renamed: new names of layers of the second map whose names were in use, by their old names.
+        settings: what the second map was made with otherwise, where the defaults have changed; the
+            result has the settings of the first.
     """
 
     hypermap: Hypermap
@@ -70,6 +68,7 @@ class Merged:
     gone: int
     conflicts: tuple[int, ...]
     renamed: dict[str, str]
+    settings: tuple[str, ...] = ()
 
 
 def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
@@ -81,7 +80,8 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
 
     Args:
         first: a map made by mapping; its id, frame and metadata become those of the result.
-        second: a map made by mapping with the same configuration.
+        second: a map made by mapping with the same configuration, or with the same profile by a
+            version with other defaults.
         a_T_b: transforms points from the base frame of the second map to that of the first.
 
     Raises:
@@ -89,9 +89,7 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
         CannotMerge: If the configurations differ, or both contain the same frames.
         FrameError: If the frames of both maps cannot be joined in one tree.
     """
-    config, theirs = config_to_go_on_with(first), config_to_go_on_with(second)
-    alignment = replace(theirs.alignment, enabled=config.alignment.enabled)
-    _check_same(config, replace(theirs, pictures=config.pictures, alignment=alignment))
+    config, settings = common_config(first, second)
     a, b = state_of(first, config), state_of(second, config)
     _check_drives(a.drives, b.drives)
     grids = _grid_of(first), _grid_of(second)
@@ -128,19 +126,8 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     )
     merged.mapper_state, merged.history = dump_state(state), first.history
     hypermap = Mapper.onto(merged, None).hypermap()
-    return _counted(hypermap, (first, second), joined, others.renamed)
-
-
-def _check_same(first: MappingConfig, second: MappingConfig) -> None:
-    one, other = to_dict(first), to_dict(second)
-    for stage, values in one.items():
-        for key, value in values.items():
-            if other[stage][key] != value:
-                raise CannotMerge(
-                    f"the maps were made with different configurations ({stage}: {key}: {value} "
-                    f"and {other[stage][key]}); map one of the recordings again with that of the "
-                    "other (--config)"
-                )
+    counted = _counted(hypermap, (first, second), joined, others.renamed)
+    return replace(counted, settings=settings)
 
 
 def _check_drives(first: Iterable[Drive], second: Iterable[Drive]) -> None:

@@ -1,0 +1,55 @@
+"""Settings of two maps that are to be merged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.mapping.config import MappingConfig, profile_like, to_dict
+from hypermap.mapping.going_on import config_to_go_on_with
+
+_ALWAYS_EQUAL = "min_score", "resolution"  # else, counts cannot be added, nor cells
+
+
+class CannotMerge(HypermapError):
+    """Two maps cannot be merged."""
+
+
+def common_config(first: Hypermap, second: Hypermap) -> tuple[MappingConfig, tuple[str, ...]]:
+    """Return the configuration for two maps as one: that of the first.
+
+    Whether pictures are kept, and whether poses are corrected by the map, may differ. Where another
+    version made the second map, so may other settings, if one of the two values is the default of
+    the profile of both: that version had another default.
+
+    Returns:
+        the configuration, and in which settings the second map differs, as text.
+
+    Raises:
+        CannotGoOn: If a map was not made by mapping, or lacks the mapper state.
+        CannotMerge: If other settings differ.
+    """
+    config, theirs = config_to_go_on_with(first), config_to_go_on_with(second)
+    alignment = replace(theirs.alignment, enabled=config.alignment.enabled)
+    own = to_dict(config)
+    other = to_dict(replace(theirs, pictures=config.pictures, alignment=alignment))
+    defaults = to_dict(profile_like(own))
+    may_differ = _version(first) != _version(second) and defaults == to_dict(profile_like(other))
+    differing = []
+    for stage, values in own.items():
+        for key, value in values.items():
+            its = other[stage][key]
+            if its == value:
+                continue
+            if not may_differ or key in _ALWAYS_EQUAL or defaults[stage][key] not in (value, its):
+                raise CannotMerge(
+                    f"the maps were made with different configurations ({stage}: {key}: {value} "
+                    f"and {its}); map one of the recordings again with that of the other (--config)"
+                )
+            differing.append(f"{stage}: {key}: {value} instead of {its}")
+    return config, tuple(differing)
+
+
+def _version(hypermap: Hypermap) -> object:
+    return hypermap.metadata.get("hypermap_version")
