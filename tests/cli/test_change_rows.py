@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import shapely
 
-from hypermap.cli.change_rows import distance_of
+from hypermap.cli.change_rows import counts_of, distance_of
 from hypermap.core.history import ADDED, GONE, MOVED, Change
 from hypermap.core.semantic import SemanticObject
 
@@ -23,3 +23,16 @@ CUP = SemanticObject("cup", shapely.box(0, 0, 1, 1), id=1)
 )
 def test_doubts_are_shown(change: Change, shown: str) -> None:
     assert distance_of(change) == shown
+
+
+def test_only_what_came_or_went_is_doubtful_and_only_below_one_half() -> None:
+    assert Change(GONE, "semantic", CUP, None, confidence=0.49).is_doubtful
+    assert not Change(GONE, "semantic", CUP, None, confidence=0.5).is_doubtful
+    assert not Change(MOVED, "semantic", CUP, CUP, 0.5, 0.1).is_doubtful
+    assert not Change(ADDED, "semantic", None, CUP).is_doubtful
+
+
+def test_changes_are_counted_by_kind() -> None:
+    gone = Change(GONE, "semantic", CUP, None)
+    assert counts_of([gone, Change(ADDED, "semantic", None, CUP), gone]) == "2 gone, 1 added"
+    assert counts_of([]) == ""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 import shapely
 
 from hypermap import Hypermap, SemanticLayer, SemanticObject, open_map, save_map
+from hypermap.core.history import GONE, Change, Revision
 from hypermap.formats import locks
 from hypermap.formats.locks import turn_to_edit
 from hypermap.history import begin_history
@@ -52,6 +55,49 @@ def test_changes_tells_what_changed_since_a_time_or_a_version(hypermap: Run, off
     lines = hypermap("changes", office, "--since", "v2").out.splitlines()
     assert "3.00 m (100%)" in lines[2]
     assert lines[-1] == "1 moved, 1 gone"
+
+
+def test_a_second_day_says_what_changed_and_how_to_see_it(hypermap: Run, tmp_path: Path) -> None:
+    out = tmp_path / "room.hmap"
+    for day in (1, 2):
+        drive = tmp_path / f"day{day}"
+        start = f"2026-11-{22 + day}T08:00"
+        simulate = ("simulate", "demo", "-o", drive, "--rate", "0.5", "--errors", "none")
+        assert hypermap(*simulate, "--day", str(day), "--start", start).code == 0
+        go_on = ("--onto", out) if day > 1 else ()
+        detections = ("--detections", drive / "detections.json")
+        made = hypermap("map", drive, *detections, *go_on, "-o", out)
+        assert made.code == 0
+    assert f"hypermap changes {out} --since v1" in made.err
+    counts = re.search(rf"since {re.escape(str(out))}: (.*)", made.err)
+    assert counts is not None
+    assert "moved" in counts[1]
+    since = hypermap("changes", out, "--since", "v1")
+    told = since.out.splitlines()[-1]
+    assert counts[1].startswith(told)
+    assert "2026-11-24 08:00 IST" in since.out
+    # All that the first drive found is one row, unless each object or a name is asked for.
+    everything = hypermap("changes", out, "--all").out.splitlines()
+    assert len(everything) > len(since.out.splitlines()) + 10
+    rows = hypermap("changes", out).out.splitlines()
+    assert len(rows) == len(since.out.splitlines()) + 1
+    assert re.search(r"added +\d+ objects", rows[2])
+    assert re.search(r"added +chair", hypermap("changes", out, "--name", "chair").out)
+
+
+def test_doubtful_changes_are_counted_and_shown_on_demand(hypermap: Run, office: Path) -> None:
+    cup = SemanticObject("cup", shapely.box(0, 0, 1, 1), id=7)
+    change = Change(GONE, "semantic", cup, None, confidence=0.2)
+    mapped = open_map(office)
+    assert mapped.history is not None
+    revision = Revision(4, 1.7e9, "mapping", "day2", (change,))
+    mapped.history = dataclasses.replace(mapped.history, added=(revision,), version=4)
+    save_map(mapped, office)
+    shown = hypermap("changes", office, "--since", "v3")
+    assert shown.out.strip() == "nothing changed"
+    assert "1 doubtful change left out; --all shows them" in shown.err
+    assert "(20%)" in hypermap("changes", office, "--since", "v3", "--all").out
+    assert len(hypermap("changes", office, "--since", "v3", "--json").json["changes"]) == 1
 
 
 def test_changes_draws_them(hypermap: Run, office: Path, tmp_path: Path) -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from hypermap.text import decimal, printable
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from hypermap.core.history import Change
     from hypermap.core.semantic import SemanticObject
-
-_DOUBTFUL = 0.5  # confidence below which an object that came or went probably was not there
 
 
 def named(change: Change) -> str:
@@ -38,7 +39,12 @@ def distance_of(change: Change) -> str:
     sure = f"({change.confidence:.0%})"
     if change.kind == "moved" and change.distance is not None:
         return f"{change.distance:.2f} m {sure}"
-    return sure if change.distance is None and change.confidence < _DOUBTFUL else ""
+    return sure if change.is_doubtful else ""
+
+
+def counts_of(changes: Iterable[Change]) -> str:
+    """Return how many changes there are of each kind, as a sentence has it; empty for none."""
+    return ", ".join(f"{n} {kind}" for kind, n in Counter(one.kind for one in changes).items())
 
 
 def described(change: Change) -> dict[str, Any]:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.change_rows import described, distance_of, named, place_of
+from hypermap.cli.change_rows import counts_of, described, distance_of, named, place_of
 from hypermap.cli.options import AsJson, MapPath, check_picture
 from hypermap.cli.terminal import note, out, say, say_json, table
-from hypermap.text import printable
+from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hypermap.core.history import Change, Revision
     from hypermap.core.hypermap import Hypermap
+
+    _Found = Sequence[tuple[Revision, Change]]
 
 
 def command(
@@ -45,12 +46,21 @@ def command(
             help="Draw the result: the changes on the map, with arrows, as .png or .svg.",
         ),
     ] = None,
+    show_all: Annotated[
+        bool,
+        typer.Option(
+            "--all",
+            help="Also show doubtful changes, and each object of the first drive. --json always "
+            "does.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Show what changed in MAP: added, gone, moved, reshaped, renamed or edited objects.
 
     Each line has the time and the cause: a drive, or an edit by hand. The times of drives are those
-    of their recordings. `hypermap diff` compares two maps instead.
+    of their recordings. A change is doubtful if its object probably did not come or go.
+    `hypermap diff` compares two maps instead.
 
     Examples:
         hypermap changes office.hmap --since monday
@@ -65,7 +75,7 @@ def command(
         check_suffix(picture)
         check_picture(picture)
     hypermap = open_map(path)
-    found = [
+    found: _Found = [
         (revision, change)
         for revision, change in changes_since(hypermap, since)
         if not names or change.names & set(names)
@@ -74,7 +84,10 @@ def command(
         rows = [_facts(revision) | described(change) for revision, change in found]
         say_json({"frame_id": hypermap.base_frame, "changes": rows})
     else:
-        _show(found)
+        found, left_out = _worth_showing(found) if not show_all else (found, 0)
+        _show(found, names is not None or show_all)
+        if left_out:
+            note(f"{counted(left_out, 'doubtful change')} left out; --all shows them")
     if picture is not None:
         from hypermap.evaluation import Changes
         from hypermap.viewer.changes import render_changes
@@ -99,12 +112,24 @@ def _unchanged(
     )
 
 
-def _show(found: Sequence[tuple[Revision, Change]]) -> None:
+def _worth_showing(found: _Found) -> tuple[_Found, int]:
+    """Return the changes that are not doubtful, and how many are; of the first drive, all."""
+    kept = [each for each in found if _is_beginning(each[0]) or not each[1].is_doubtful]
+    return kept, len(found) - len(kept)
+
+
+def _show(found: _Found, each: bool) -> None:
+    """Show the changes; what the first drive found as one row, unless `each` is wanted."""
     from hypermap.console.moments import when
 
     if found:
         rows = table("when", "change", "object", "before", "now", "distance", "by")
-        for revision, change in found:
+        first = [] if each else [one for one in found if _is_beginning(one[0])]
+        if first:
+            revision, _ = first[0]
+            things = counted(len(first), "object")
+            rows.add_row(when(revision), "added", things, "-", "", "", _cause(revision))
+        for revision, change in found[len(first) :]:
             rows.add_row(
                 when(revision),
                 change.kind,
@@ -112,11 +137,19 @@ def _show(found: Sequence[tuple[Revision, Change]]) -> None:
                 place_of(change.before),
                 place_of(change.after),
                 distance_of(change),
-                printable(revision.drive, 40) or revision.cause,
+                _cause(revision),
             )
         out().print(rows)
-    counts = Counter(change.kind for _, change in found)
-    say(", ".join(f"{count} {kind}" for kind, count in counts.items()) or "nothing changed")
+    say(counts_of(change for _, change in found) or "nothing changed")
+
+
+def _is_beginning(revision: Revision) -> bool:
+    """Return whether a version is the first of a map made by mapping."""
+    return revision.version == 1 and revision.cause == "mapping"
+
+
+def _cause(revision: Revision) -> str:
+    return printable(revision.drive, 40) or revision.cause
 
 
 def _facts(revision: Revision) -> dict[str, Any]:

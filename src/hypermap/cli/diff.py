@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.change_rows import described, distance_of, named, place_of
+from hypermap.cli.change_rows import counts_of, described, distance_of, named, place_of
 from hypermap.cli.options import AsJson, MapPath, check_picture
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.cli.two_maps import SameFrame, pose_on
@@ -108,6 +107,5 @@ def _show(changes: Changes) -> None:
                 distance_of(change),
             )
         out().print(rows)
-    counts = Counter(change.kind for change in changes.changes)
-    words = [f"{count} {kind}" for kind, count in counts.items()]
-    say(", ".join([*words, f"{counted(changes.unchanged, 'object')} unchanged"]))
+    unchanged = f"{counted(changes.unchanged, 'object')} unchanged"
+    say(", ".join(filter(None, [counts_of(changes.changes), unchanged])))

@@ -210,7 +210,7 @@ def command(
         if poses is None or base is None:
             raise HypermapError("give a RECORDING, or --onto MAP with --poses FILE")
         save_result(base, output, evidence, onto)
-        summarize(base, output)
+        summarize(base, output, onto)
         return
     recording, options = request.open(path)
     values = read_values(value or [], recording, options, base)
@@ -292,7 +292,7 @@ def _run(
             _end_unchanged(output, name, ended, made)
         hypermap = with_values(made, values)
         save_result(hypermap, output, evidence, job.onto)
-    summarize(hypermap, output)
+    summarize(hypermap, output, job.onto)
     note_unseen(made.hypermap, job.settings)
     notes.remind()
     _finish(watched, output, ended, made)

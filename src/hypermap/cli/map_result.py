@@ -7,6 +7,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hypermap.cli.change_rows import counts_of
 from hypermap.cli.onto import is_same_file
 from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note
@@ -101,8 +102,8 @@ def _drop_evidence(hypermap: Hypermap) -> None:
             layer.kept_evidence = None
 
 
-def summarize(hypermap: Hypermap, output: Path) -> None:
-    """Say what is in the saved map, and what to try next."""
+def summarize(hypermap: Hypermap, output: Path, onto: Path | None) -> None:
+    """Say what is in the saved map, what is new in it since `onto`, and what to try next."""
     from hypermap.core.semantic import SemanticLayer
 
     names = Counter(
@@ -115,6 +116,7 @@ def summarize(hypermap: Hypermap, output: Path) -> None:
     has_objects = any(isinstance(layer, SemanticLayer) for layer in hypermap.layers)
     if has_objects:
         note(counted(names.total(), "object") + (f": {listed}" if listed else ""))
+    version = None if onto is None else _note_changes(hypermap, onto)
     note(f"saved {output}")
     made, picture = str(output), str(output.with_suffix(".png"))
     note("\nnow try:  " + shlex.join(["hypermap", "view", made]))
@@ -122,3 +124,18 @@ def summarize(hypermap: Hypermap, output: Path) -> None:
     if has_objects:
         name = printable(next(iter(names), "chair"))
         note("          " + shlex.join(["hypermap", "query", made, "--name", name, "--nearest"]))
+    if version is not None:
+        note("          " + shlex.join(["hypermap", "changes", made, "--since", f"v{version}"]))
+
+
+def _note_changes(hypermap: Hypermap, onto: Path) -> int | None:
+    """Say what this drive has changed; return the version before it, None if it changed nothing."""
+    revision = hypermap.history.revisions()[-1] if hypermap.history is not None else None
+    if revision is None or not revision.changes:
+        note(f"nothing changed since {onto}")
+        return None
+    sure = [change for change in revision.changes if not change.is_doubtful]
+    doubtful = len(revision.changes) - len(sure)
+    said = [counts_of(sure), f"{doubtful} doubtful" if doubtful else ""]
+    note(f"since {onto}: {', '.join(filter(None, said))}")
+    return revision.version - 1

@@ -17,6 +17,7 @@ EARLIEST = 1e8
 """Seconds since 1970; smaller stamps count from the start of something else, such as a program."""
 
 _AHEAD = 86_400  # s by which a clock may be ahead of ours
+_PROBABLE = 0.5  # least confidence of an object that came or went
 
 ADDED, GONE, EXPIRED = "added", "gone", "expired"
 MOVED, RESHAPED, RENAMED, EDITED = "moved", "reshaped", "renamed", "edited"
@@ -65,6 +66,12 @@ class Change:
         found = self.after or self.before
         assert found is not None
         return found
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether it is about an object that probably did not come or go, or never was there."""
+        is_likely = self.confidence is None or self.confidence >= _PROBABLE
+        return self.kind != MOVED and not is_likely
 
     @property
     def names(self) -> set[str]:

@@ -37,7 +37,6 @@ FIRST_DAY = 1_763_971_200.0
 
 DAY = 86_400.0  # seconds
 
-_PROBABLE = 0.5  # least confidence of an object that came or went
 _TELLABLE = 0.25  # share by which sizes must differ for the maps of two days to tell which is which
 _NEAR = 0.5  # [m] between the place that is reported and the true one
 _REPORTED = {"moved": MOVED, "removed": GONE, "added": ADDED}
@@ -225,8 +224,8 @@ class _Compared:
     ) -> _Compared:
         """Compare those whose places the robot looked at on both days."""
         of_kind = [one for one in true if one.kind == kind and _is_seen(_places(one), days)]
-        reported = [one for one in said if one.kind == _REPORTED[kind] and _is_probable(one)]
-        reported = [one for one in reported if _is_seen(_centers(one), days)]
+        kept = [one for one in said if one.kind == _REPORTED[kind] and not one.is_doubtful]
+        reported = [one for one in kept if _is_seen(_centers(one), days)]
         pairs = _pairs(of_kind, reported)
         found, right = {i for i, _ in pairs}, {j for _, j in pairs}
         others = [one for j, one in enumerate(reported) if j not in right]
@@ -265,11 +264,6 @@ def _count_kind(
     ]
     tally.causes.update(cause for _, cause in causes)
     tally.notes += [f"{drive}: {told} ({cause})" for told, cause in causes]
-
-
-def _is_probable(said: Change) -> bool:
-    """Return whether the object of a reported change is, or was, more probable than not."""
-    return said.kind == MOVED or said.confidence is None or said.confidence >= _PROBABLE
 
 
 def _told(change: WorldChange) -> str:
