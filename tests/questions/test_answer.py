@@ -13,6 +13,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from shapely import LineString
 
 from hypermap import (
     GridGeometry,
@@ -27,7 +28,7 @@ from hypermap.console.asked import document, lines, understood
 from hypermap.questions import Answer, Condition, Measured, Query, Reference, When, ask, asking
 from hypermap.questions.asking import answer_to
 from hypermap.questions.english import NotUnderstood
-from hypermap.rooms import Room, Rooms, with_rooms
+from hypermap.rooms import Door, Room, Rooms, with_rooms
 
 
 def thing(name: str, x: float, y: float, side: float, low: float, high: float) -> SemanticObject:
@@ -62,6 +63,60 @@ def flat() -> Hypermap:
 
 def ids(answer: Answer) -> list[int | None]:
     return [item.object.id for item in answer.objects]
+
+
+@pytest.fixture(scope="module")
+def with_doors(flat: Hypermap) -> Hypermap:
+    """The flat with a bath behind the kitchen: the hall leads to the kitchen, this to the bath."""
+    rooms = [
+        Room(room.id, room.name, room.outline, kind=room.kind)
+        for room in Rooms.of_layer(flat["rooms"])
+    ]
+    bath = Room(2, "bath", shapely.box(10.1, 0.1, 12, 3.9), kind="bathroom")
+    doors = [
+        Door(pair, LineString([(x, 1.8), (x, 2.2)]), 0.4) for pair, x in (((0, 1), 5), ((1, 2), 10))
+    ]
+    return with_rooms(flat, Rooms("map", (*rooms, bath), tuple(doors)))
+
+
+@pytest.mark.parametrize(
+    ("question", "found"),
+    [
+        ("which rooms are connected to the kitchen?", ["hall", "bath"]),
+        ("which rooms are next door to the hall?", ["kitchen"]),
+        ("which kitchens are connected to the bath?", ["kitchen"]),
+        ("which bathrooms are connected to the hall?", []),
+        ("rooms with a couch", ["kitchen"]),
+    ],
+)
+def test_rooms_are_next_door_if_a_door_is_between(
+    with_doors: Hypermap, question: str, found: list[str]
+) -> None:
+    answer = answer_to(with_doors, question)
+    assert [room.name for room in answer.rooms if room is not None] == found
+
+
+def test_whether_rooms_are_connected_and_to_how_many(with_doors: Hypermap) -> None:
+    assert answer_to(with_doors, "is the hall connected to the kitchen?").exists
+    assert not answer_to(with_doors, "is the hall connected to the bath?").exists
+    assert answer_to(with_doors, "how many rooms are connected to the kitchen?").count == 2
+
+
+def test_doors_between_rooms_are_listed_where_the_map_has_none_as_objects(
+    with_doors: Hypermap, flat: Hypermap
+) -> None:
+    listed = r"no object 'door', but doors between its rooms: hall to kitchen at \(5\.00, 2\.00\), "
+    for question in ("where are the doors?", "how many doors are there in the hall?"):
+        with pytest.raises(HypermapError, match=listed + r"0\.40 m wide; kitchen to bath at "):
+            answer_to(with_doors, question)
+    (note,) = answer_to(flat, "where are the doors?").notes
+    assert note.startswith("there is no door in the map")
+
+
+def test_how_big_a_room_is_may_be_asked_by_what_is_in_it(with_doors: Hypermap) -> None:
+    for question in ("how big is the room with the couch?", "how large is the room with a couch?"):
+        (room,) = answer_to(with_doors, question).objects
+        assert room.object.name == "kitchen"
 
 
 @pytest.mark.parametrize(

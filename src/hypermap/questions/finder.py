@@ -42,8 +42,10 @@ NEXT_TO = 1.0  # [m] between the shapes of objects that are next to each other
 ASKER = Reference(is_asker=True)
 
 # Relations to something that may be far away.
-_FAR_REACHING = ("beyond", "visible from", "with", "in the room of")
+_FAR_REACHING = ("beyond", "visible from", "with", "in the room of", "next door to")
 _FEW = 100  # places, around which objects are looked up
+_DOORS = ("door", "doorway")
+_MOST_DOORS = 10  # that an error lists
 _IN_SIGHT = 2.0  # [m] up to which an object is beside, in front of or behind another
 
 
@@ -133,6 +135,7 @@ class Finder:
                 ids = wanted.setdefault(one, set(number))
                 wanted[one] = ids | number if ids and number else set()
             if not matching:
+                self._check_no_door(what)
                 is_known = self._taxonomy.usual_name(what) is not None
                 hint = f"; {did_you_mean(what, self._names)}"
                 if is_known:
@@ -151,6 +154,20 @@ class Finder:
         pairs = zip(found.column("names").tolist(), found.column("ids").tolist(), strict=True)
         is_one = [not wanted[name] or number in wanted[name] for name, number in pairs]
         return found.take(np.array(is_one, dtype=bool))
+
+    def _check_no_door(self, name: str) -> None:
+        """Raise a HypermapError if doors are asked for that are known only between rooms."""
+        rooms = rooms_on(self._hypermap) if self._taxonomy.usual_name(name) in _DOORS else None
+        if rooms is None or not rooms.doors:
+            return
+        doors = []
+        for door in rooms.doors[:_MOST_DOORS]:
+            (x, y), (one, other) = door.place_xy, (printable(rooms[i].name) for i in door.rooms)
+            doors.append(f"{one} to {other} at ({x:.2f}, {y:.2f}), {door.width:.2f} m wide")
+        more = f"; {len(rooms.doors) - len(doors)} more" if len(rooms.doors) > len(doors) else ""
+        raise HypermapError(
+            f"the map has no object {name!r}, but doors between its rooms: {'; '.join(doors)}{more}"
+        )
 
     def _is_there(self, condition: Condition) -> bool:
         """Return whether there is anything that a condition refers to."""
@@ -260,6 +277,14 @@ class Finder:
         ids = [room.id for room in self.rooms_of(self.others(reference)) if room is not None]
         return found.are_of(ROOMS) & np.isin(found.column("ids"), ids)
 
+    def _are_next_door(self, reference: Reference, found: Matches) -> BoolArray:
+        """Return which objects are rooms that have a door to one of some rooms."""
+        rooms = self._rooms_called(reference.rooms) or self._rooms_meant(reference)
+        ids = {room.id for room in rooms}
+        ways = [way for door in self.rooms.doors for way in (door.rooms, door.rooms[::-1])]
+        beyond = [there for here, there in ways if here in ids]
+        return found.are_of(ROOMS) & np.isin(found.column("ids"), beyond)
+
     def _are_only(self, others: Matches, found: Matches) -> BoolArray:
         """Return which objects are in a room of some others because they are one of these alone."""
         own = self.places_of_rooms(others)
@@ -280,6 +305,8 @@ class Finder:
             return is_in | self._meet(condition, found, self.others(reference))
         if relation == "with":
             return self._have(reference, found)
+        if relation == "next door to":
+            return self._are_next_door(reference, found)
         if relation == "in the room of":
             others = self.others(reference)
             rooms = [room for room in self.rooms_of(others) if room is not None]

@@ -27,6 +27,7 @@ Give: TypeAlias = Literal[
 Relation: TypeAlias = Literal[
     "in",
     "in the room of",
+    "next door to",
     "at",
     "near",
     "beyond",
@@ -111,7 +112,8 @@ class Condition:
         relation: "near" and "beyond" compare the distance between shapes with `within`; sides, such
             as "left of", are as the asker sees the reference; those of the asker depend on the
             heading. "visible from" needs a line of sight without walls; "with" holds for rooms that
-            contain such an object, "in the room of" for objects that share a room with one;
+            contain such an object, "next door to" for rooms with a door to such a room,
+            "in the room of" for objects that share a room with one;
             "between" is between the reference and the other one.
         reference: the place, room or objects that it refers to. Any of the objects will do, but
             "between" needs a single one. "in" with the asker means in the same room.

@@ -111,6 +111,11 @@ _KEYWORDS = {
         "in the same room as|in the same room with|in same room as|in the room of|in one room with"
         "|in a room with|sharing a room with|in the room with"
     ),
+    "NEXT_DOOR": (
+        "connected to|connected with|connected directly to|directly connected to|next door to"
+        "|linked to|joined to|connects to|connect to|opens to|open to|opens into|open into"
+        "|leads to|lead to|adjoining|adjoin|adjoins"
+    ),
     "SIDE": (
         "left of|to the left of|on the left of|right of|to the right of|on the right of"
         "|in front of|behind|at the back of|left from|right from|on the left side of"

@@ -70,6 +70,15 @@ class RoomSentences(Phrases):
         if any(token.type not in ("THING", "AND", "OR") for token in self._tokens[at + 1 :]):
             raise ValueError(_ONE_AT_A_TIME)
 
+    def how_big_having(self, parts: list[Any]) -> Query:
+        query = self._rooms_having(parts, "rooms")
+        if query.layers != (ROOMS,):  # it asks for the rooms of objects
+            if query != Query("rooms", query.names, where=query.where):
+                raise ValueError(_ONE_AT_A_TIME)
+            having = Condition("with", Reference(query.names, query.where))
+            query = Query(layers=(ROOMS,), where=(having,))
+        return replace(query, give="size")
+
     # How much is in them
 
     def count_each(self, parts: list[Any]) -> Query:
@@ -115,6 +124,25 @@ class RoomSentences(Phrases):
     def _but(self) -> str:
         """The word before what is left out."""
         return types_of(self._tokens).get("BUT", "")
+
+    # Which are next door
+
+    def next_door(self, parts: list[Any]) -> Query:
+        return self._next_door(parts, "rooms")
+
+    def is_next_door(self, parts: list[Any]) -> Query:
+        return self._next_door(parts, "exists")
+
+    def many_next_door(self, parts: list[Any]) -> Query:
+        return self._next_door(parts, "count")
+
+    def _next_door(self, parts: list[Any], give: Give) -> Query:
+        """Return the query for rooms, of a kind if so said, with a door to another one."""
+        if "NEXT_TO" in types_of(parts):
+            raise ValueError("next to? say 'connected to' for rooms with a door between them")
+        *kinds, other = [part for part in parts if isinstance(part, Reference)]
+        within = [Condition("in", kind) for kind in kinds]
+        return Query(give, layers=(ROOMS,), where=(*within, Condition("next door to", other)))
 
     # The rooms themselves
 
