@@ -206,7 +206,7 @@ def test_a_preset_that_is_not_there_is_named_with_those_that_are() -> None:
     ("make", "message"),
     [
         (lambda: DepthNoise(axial=-1), "axial must be a number of at least 0, got -1"),
-        (lambda: DepthNoise(edge_loss=math.nan), "edge_loss must be a number of at least 0"),
+        (lambda: DepthNoise(edge_loss=math.nan), "edge_loss must be a share from 0 to 1, got nan"),
         (lambda: DepthNoise(min_range=9), "min_range must be below max_range"),
         (lambda: DepthNoise(flying=1.5), "flying must be a share from 0 to 1, got 1.5"),
         (lambda: DepthNoise(scale=math.nan), "scale must be between -0.5 and 0.5, got nan"),

@@ -220,6 +220,8 @@ def test_a_seed_repeats_the_detections() -> None:
     ("noise", "message"),
     [
         ({"miss": -0.1}, "miss must be a number of at least 0, got -0.1"),
+        ({"miss": 1.5}, "miss must be a share from 0 to 1, got 1.5"),
+        ({"blackout": 2}, "blackout must be a share from 0 to 1, got 2"),
         ({"flicker_frames": 0.5}, "flicker_frames must be at least 1, got 0.5"),
     ],
 )

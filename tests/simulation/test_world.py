@@ -151,6 +151,11 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
             BASE + "walls: [{line: [[0, 1], [4, 1]]}]\nobjects: [{model: bin, at: [2, 1.02]}]",
             "w.yaml: objects[0]: the bin at (2, 1.02) stands in a wall; move it away from there",
         ),
+        (
+            BASE + "objects: [{model: bin, at: [9, 9]}]",
+            "w.yaml: objects[0]: the bin at (9, 9) is beside the floor; move it onto the floor, or "
+            "add a rectangle there",
+        ),
         (BASE + "variation: {mov: 1}", "w.yaml: variation.mov: unknown key; did you mean 'move'?"),
     ],
 )

@@ -83,10 +83,10 @@ class DepthNoise:
     def __post_init__(self) -> None:
         if not 0 <= self.min_range < self.max_range:
             raise ValueError(f"min_range must be below max_range, got {self}")
-        check_not_negative(self, "axial", "disparity_step", "edge_loss", "max_incidence_deg")
+        check_not_negative(self, "axial", "disparity_step", "max_incidence_deg")
         check_not_negative(self, "correlation_length", "focal_baseline")
-        shares = ("correlated", "flying", "dark_surfaces", "dark_loss", "missing", "glass_return")
-        check_shares(self, *shares)
+        shares = ("correlated", "edge_loss", "flying", "dark_surfaces", "dark_loss", "missing")
+        check_shares(self, *shares, "glass_return")
         if not abs(self.scale) < 0.5:
             raise ValueError(f"scale must be between -0.5 and 0.5, got {self.scale}")
         if self.focal_baseline == 0 or self.correlation_length == 0:

@@ -13,10 +13,21 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import BoolArray
 from hypermap.perception.detections import Detections
 from hypermap.simulation.lasting import LastingFaults
-from hypermap.simulation.ranges import check_not_negative
+from hypermap.simulation.ranges import check_not_negative, check_shares
 
 WALL_NAMES = ("train", "refrigerator")  # what detectors trained on COCO take walls for
 _BACKGROUND_SHARE = 0.9
+_PROBABILITIES = (
+    "miss",
+    "flicker",
+    "confusion",
+    "blackout",
+    "lasting_misses",
+    "hard_miss",
+    "false_place_rate",
+    "lasting_confusion",
+    "confusion_rate",
+)
 
 
 @dataclass(frozen=True)
@@ -74,6 +85,7 @@ class DetectorNoise:
 
     def __post_init__(self) -> None:
         check_not_negative(self, *(f.name for f in fields(self)))
+        check_shares(self, *_PROBABILITIES)
         for frames in ("flicker_frames", "blackout_frames"):
             if getattr(self, frames) < 1:
                 raise ValueError(f"{frames} must be at least 1, got {getattr(self, frames)}")

@@ -122,6 +122,21 @@ def in_walls(world: World) -> list[int]:
     return [i for i, body in enumerate(bodies_of(world)) if body.share_in(walls) > _IN_WALL]
 
 
+def off_floor(world: World) -> list[int]:
+    """Return the things as low as the floor that are all beside it."""
+    floor = floor_of(world)
+    return [
+        i
+        for i, body in enumerate(bodies_of(world))
+        if body.bottom <= _GAP and not body.outline.intersects(floor)
+    ]
+
+
+def floor_of(world: World) -> BaseGeometry:
+    """Return where there is floor [m]."""
+    return shapely.union_all([shapely.box(*area) for area in world.floor.all_rectangles])
+
+
 def bases(world: World) -> list[int | None]:
     """Return the support of each thing: a thing, itself for floor and walls, None for none."""
     bodies, walls = bodies_of(world), walls_of(world)

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.simulation.models import size_parameters
 from hypermap.simulation.scene import placed
-from hypermap.simulation.standing import Body, bases, bodies_of, walls_of
+from hypermap.simulation.standing import Body, bases, bodies_of, floor_of, walls_of
 from hypermap.simulation.world import Point, Variation, World, WorldObject
 
 _TRIES = 15  # places that are tried for each thing; then it stays where it is
@@ -48,8 +48,7 @@ class Room:
         self.objects = list(world.objects)
         self._bases = bases(world)
         self._bodies, self._walls = bodies_of(world), walls_of(world)
-        areas = [shapely.box(*area) for area in world.floor.all_rectangles]
-        self._floor = shapely.union_all(areas)
+        self._floor = floor_of(world)
         self._way: BaseGeometry = shapely.Point()
         if world.drive is not None:
             points = [point[:2] for point in world.drive.waypoints]

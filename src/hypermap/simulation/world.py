@@ -268,8 +268,8 @@ def load_world(path: str | Path) -> World:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is not a world, or its objects intersect each other or walls, or float
-            in the air.
+        FormatError: If it is not a world, or its objects intersect each other or walls, float
+            in the air, or are beside the floor.
     """
     path = Path(path)
     if not path.is_file():
@@ -287,8 +287,8 @@ def load_world(path: str | Path) -> World:
 
 
 def _check_standing(world: World, path: Path) -> None:
-    """Raise a FormatError if objects intersect each other or walls, or are in the air."""
-    from hypermap.simulation.standing import bases, in_walls, overlaps  # which know worlds
+    """Raise a FormatError if objects intersect each other or walls, or stand on nothing."""
+    from hypermap.simulation.standing import bases, in_walls, off_floor, overlaps  # know worlds
 
     def named(i: int) -> str:
         return f"the {world.objects[i].label} at {_place(world.objects[i].place)}"
@@ -299,6 +299,9 @@ def _check_standing(world: World, path: Path) -> None:
     for i in in_walls(world):
         message = f"{named(i)} stands in a wall; move it away from there"
         raise FormatError(message, path=path, key=f"objects[{i}]")
+    for i in off_floor(world):
+        message = f"{named(i)} is beside the floor; move it onto the floor, or add a rectangle"
+        raise FormatError(f"{message} there", path=path, key=f"objects[{i}]")
     for i, base in enumerate(bases(world)):
         if base is None:
             message = (
