@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +17,9 @@ from shapely import affinity
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import FREE, OCCUPIED, OccupancyLayer
 from hypermap.mapping.completion import completed, free_share
-from hypermap.mapping.config import profile
+from hypermap.mapping.config import load_config, profile
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.evidence_table import evidence_table, fused_shapes
 from hypermap.perception.observation import Observation, ObservedObject
 
 FRONT = shapely.box(3.0, 1.0, 3.1, 3.0)  # the front of a shelf, seen from the left
@@ -90,3 +93,33 @@ def test_a_published_shelf_is_complete_and_its_track_stays_what_was_seen() -> No
         assert evidence.evidence(thing.id)[0].footprint.equals(FRONT)
     assert depths["none"] == pytest.approx(0.1, abs=0.02)
     assert depths["class_depth"] == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_configuration_has_depths_of_classes_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "depths.yaml"
+    path.write_text("evidence: {class_depths: {server rack: 1, Shelf: 0, sofa: 0.4}}\n")
+    depths = load_config(path).evidence.class_depths
+
+    def depth_of(name: str) -> float:
+        shape = completed(FRONT, name, FROM_LEFT, class_depths=depths)
+        return shape.bounds[2] - shape.bounds[0]
+
+    assert depth_of("serverrack") == depth_of("server rack") == pytest.approx(1.0)
+    assert depth_of("shelf") == pytest.approx(0.1)  # as it was seen
+    assert depth_of("sofa") == pytest.approx(0.4)
+    assert depth_of("cupboard") == pytest.approx(0.45)  # as without a file
+
+
+def test_a_map_is_made_with_the_depths_of_its_configuration() -> None:
+    evidence = EvidenceMap(replace(profile("default").evidence, class_depths={"rack": 0.8}))
+    pose = np.eye(4)
+    pose[:2, 3] = 0.5, 2.0
+    rack = ObservedObject("rack", 0.9, FRONT, 0.0, 2.0)
+    for stamp in range(5):
+        evidence.update(Observation(float(stamp), pose, (rack,), shapely.box(0, 0, 3.2, 4), None))
+    (thing,) = evidence.objects()
+    xmin, _, xmax, _ = thing.footprint.bounds
+    assert xmax - xmin == pytest.approx(0.8, abs=0.02)
+    seen = evidence_table({thing.id: evidence.evidence(thing.id)})
+    shape = fused_shapes(seen, evidence.config, "rack")["votes"]
+    assert shape.bounds[2] - shape.bounds[0] == pytest.approx(0.8, abs=0.02)

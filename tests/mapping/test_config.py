@@ -73,6 +73,18 @@ def test_what_is_saved_with_a_map_is_read_again(tmp_path: Path, name: str) -> No
         ("- evidence", "expected keys and values, found a list"),
         ("evidence: {loss: much}", "evidence.loss: must be a number; found 'much'"),
         ("evidence: {loss: true}", "evidence.loss: must be a number; found True"),
+        (
+            "evidence: {class_depths: 0.5}",
+            "evidence.class_depths: must be names with numbers; found 0.5",
+        ),
+        (
+            "evidence: {class_depths: {rack: deep}}",
+            "evidence.class_depths: rack must be a number; found 'deep'",
+        ),
+        (
+            "evidence: {class_depths: {rack: -1}}",
+            "evidence: class_depths: rack must be 0 to 20 m deep, got -1",
+        ),
         ("evidence: {loss: .nan}", "evidence.loss: must be a number; found nan"),
         ("evidence: {loss: .inf}", "evidence: loss must be finite, got inf"),
         ("evidence: {loss: -1}", "evidence: loss must be at least 0, got -1"),

@@ -61,6 +61,7 @@ def completed(
     name: str,
     cameras_xy: NDArray[np.float64],
     is_free: FreeShare | None = None,
+    class_depths: Mapping[str, float] = MappingProxyType({}),
 ) -> BaseGeometry:
     """Return a shape, extended to the usual depth of its class if it was seen from one side.
 
@@ -70,9 +71,10 @@ def completed(
         cameras_xy: positions from which it was seen [m], shape (N, 2).
         is_free: returns the known free share of an area, into which shapes do not grow; None if
             nothing is known to be free.
+        class_depths: depths of classes in place of those of `CLASS_DEPTHS` [m]; 0 for none.
     """
-    depth = CLASS_DEPTHS.get(name.replace(" ", "").lower())
-    if depth is None or shape.geom_type != "Polygon" or shape.is_empty:
+    depth = _depth_of(name, class_depths)
+    if not depth or shape.geom_type != "Polygon" or shape.is_empty:
         return shape
     center = shapely.get_coordinates(shapely.centroid(shape))[0]
     if not is_one_sided(center, cameras_xy):
@@ -90,6 +92,13 @@ def free_share(occupancy: OccupancyLayer, area: BaseGeometry) -> float:
     """Return how much of an area a map knows to be free, 0..1."""
     values = occupancy.values_in(area).values
     return float(np.mean(values == FREE)) if len(values) else 0.0
+
+
+def _depth_of(name: str, class_depths: Mapping[str, float]) -> float | None:
+    """Return the usual depth of a class [m], however its name is spaced; None if unknown."""
+    plain = name.replace(" ", "").lower()
+    own = {key.replace(" ", "").lower(): depth for key, depth in class_depths.items()}
+    return own.get(plain, CLASS_DEPTHS.get(plain))
 
 
 def _along(shape: BaseGeometry, view: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

@@ -97,7 +97,9 @@ def fused_shapes(
     fused = {method: fuse(buffer, config).geometry for method, fuse in FUSIONS.items()}
     if config.completion == "class_depth":
         cameras_xy = table.poses[table.views, :2, 3]
-        fused[config.fusion] = completed(fused[config.fusion], name, cameras_xy)
+        fused[config.fusion] = completed(
+            fused[config.fusion], name, cameras_xy, class_depths=config.class_depths
+        )
     return fused
 
 

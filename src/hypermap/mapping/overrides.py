@@ -40,7 +40,8 @@ def override(config: T, values: Mapping[str, Any], *, path: Path | None = None, 
     """Return a copy of a dataclass in which the given values replace its own.
 
     Args:
-        config: a dataclass whose fields are numbers, words (Literal) or such dataclasses.
+        config: a dataclass whose fields are numbers, words (Literal), numbers by name (Mapping), or
+            such dataclasses.
         values: new values by field name; a field that is a dataclass takes a mapping.
         path: the file that errors name.
         key: the key of `config` itself in that file, as "evidence".
@@ -81,6 +82,8 @@ def _converted(value: Any, hint: Any) -> Any:
         if value in get_args(hint):
             return value
         raise ValueError(f"must be one of {', '.join(get_args(hint))}; found {found(value)}")
+    if get_origin(hint) is Mapping:
+        return _numbers(value)
     is_bool = isinstance(value, bool)
     with suppress(OverflowError):
         if hint is float and isinstance(value, int | float) and not is_bool and value == value:
@@ -88,3 +91,17 @@ def _converted(value: Any, hint: Any) -> Any:
     if hint is not float and isinstance(value, hint) and is_bool == (hint is bool):
         return value
     raise ValueError(f"must be {_WORDS[hint]}; found {found(value)}")
+
+
+def _numbers(value: Any) -> dict[str, float]:
+    """Return numbers by name, or raise ValueError."""
+    if not isinstance(value, dict):
+        raise ValueError(f"must be names with numbers; found {found(value)}")
+    return {str(name): _number_of(str(name), number) for name, number in value.items()}
+
+
+def _number_of(name: str, value: Any) -> float:
+    try:
+        return float(_converted(value, float))
+    except ValueError as error:
+        raise ValueError(f"{name} {error}") from None

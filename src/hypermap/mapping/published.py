@@ -173,7 +173,9 @@ class PublishedTracks:
         if self.config.completion != "class_depth":
             return fused.geometry
         cameras_xy = np.array([item.map_T_camera[:2, 3] for item in track.buffer.items])
-        return completed(fused.geometry, track.name, cameras_xy, self.is_free)
+        return completed(
+            fused.geometry, track.name, cameras_xy, self.is_free, self.config.class_depths
+        )
 
     def _published(self, row: int, shifts: NDArray[np.float64] | None = None) -> SemanticObject:
         """Return a track as users of the map see it, its footprints moved by `shifts`."""

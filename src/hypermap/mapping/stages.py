@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 
@@ -107,6 +108,8 @@ class EvidenceConfig:
             moved so that frames agree on where the objects are.
         completion: "class_depth" extends the published shape of an object seen from one side to the
             usual depth of its class, away from the cameras; "none" does not.
+        class_depths: such depths by class [m], in addition to those of `completion.CLASS_DEPTHS`
+            or in their place; 0 for a class that is not to be extended.
         renewal: an object's shape is fused again when its evidence has grown by this share; 0 means
             every time. Published shapes are always up to date.
         max_evidence: number of newest observations kept for each object.
@@ -162,6 +165,7 @@ class EvidenceConfig:
     vote_resolution: float = 0.005
     landmarks: bool = True
     completion: Literal["class_depth", "none"] = "class_depth"
+    class_depths: Mapping[str, float] = field(default_factory=dict)
     renewal: float = 0.1
     max_evidence: int = 100
     gain: float = 1.5
@@ -208,6 +212,9 @@ class EvidenceConfig:
         )
         for amount in amounts:
             _check(self, amount, low=0)
+        for name, depth in self.class_depths.items():
+            if not 0 <= depth <= 20:
+                raise ValueError(f"class_depths: {name} must be 0 to 20 m deep, got {depth:g}")
         _check(self, "max_growth", low=1, high=math.inf)
         _check(self, "half_weight", low=0.01, high=math.inf)
         _check(self, "max_range", low=0, high=math.inf)
