@@ -17,6 +17,7 @@ from hypermap.experiments.tables import (
     html_of,
     latex_of,
     save_tables,
+    text_of,
 )
 
 TABLE = Table(
@@ -34,6 +35,12 @@ TABLE = Table(
     ),
     ("default",),
 )
+
+
+def test_intervals_of_figures_have_no_signs_and_those_of_one_value_are_not_written() -> None:
+    column = Column("IoU")
+    assert text_of(Interval(0.78, 0.7, 0.86, is_change=False), column) == "0.78 (0.70 to 0.86)"
+    assert text_of(Interval(0.2, 0.2, 0.2), column) == "+0.20"
 
 
 def test_csv_has_all_digits_and_three_columns_for_an_interval() -> None:

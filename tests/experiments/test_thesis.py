@@ -21,6 +21,7 @@ from hypermap.experiments.drives import Mapped, SimulatedDrive, map_drive
 from hypermap.experiments.figures import to_data
 from hypermap.experiments.methods import OURS, PUBLISHED, methods
 from hypermap.experiments.results import WorldResult
+from hypermap.experiments.thesis_tables import methods_table
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
 from hypermap.perception.detectors.sources import detections_from_recording
@@ -114,6 +115,42 @@ def test_the_table_and_the_page_show_the_figures(report: tuple[str, dict, str]) 
     assert page.count("data:image/png;base64,") == 2
     assert "http" not in page  # it needs no network
     assert figures["command"] in page
+
+
+def test_the_means_of_the_drives_have_intervals(report: tuple[str, dict, str]) -> None:
+    _, figures, page = report
+    (world,) = figures["worlds"]
+    drives = [drive["methods"][OURS] for drive in world["drives"]]
+    found = world["methods"][OURS]["intervals"]
+    for key, values in (
+        ("iou", [drive["iou"] for drive in drives]),
+        ("f1_half", [drive["at"][1]["f1"] for drive in drives]),
+    ):
+        half = 12.706 * abs(values[0] - values[1]) / 2  # Student's t of two values
+        mean = np.mean(values)
+        assert found[key] == pytest.approx(
+            {"mean": mean, "low": mean - half, "high": mean + half}, rel=1e-3
+        )
+    assert "studio: means over 2 drives, with their 95 % intervals" in page
+
+
+def test_only_worlds_of_the_thesis_have_its_figures_next_to_ours(
+    report: tuple[str, dict, str],
+) -> None:
+    text, _, page = report
+    assert "thesis' IoU" not in text + page
+    assert "Why our figures are not those of the thesis" not in page
+    world = {"world": "lab", "objects": 1, "seeds": [3], "methods": {}}
+    at = [{"precision": 1.0, "recall": 1.0, "f1": 1.0}] * 2
+    for name in ("best shape, overlap", OURS):
+        shown = PUBLISHED.get((name, "lab"))
+        world["methods"][name] = {"iou": 0.5, "distance": 0.1, "objects": 1.0, "at": at,
+                                  "published": shown and vars(shown)}  # fmt: skip
+    table = methods_table(world)
+    titles = [column.title for column in table.columns]
+    best, ours = (dict(zip(titles, row, strict=True)) for row in table.rows)
+    assert (best["thesis' IoU"], best["thesis' [m]"]) == (0.41, 0.51)
+    assert ours["thesis' IoU"] is None
 
 
 def test_figures_go_into_detail(report: tuple[str, dict, str]) -> None:

@@ -3,43 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from hypermap.core.errors import HypermapError
-from hypermap.evaluation.metrics import Score
 from hypermap.evaluation.significance import Effect, effect_of
-from hypermap.experiments.results import WorldResult, mean
+from hypermap.experiments.results import MEASURES, WorldResult, mean
 from hypermap.experiments.tables import Column, Interval, Table
 from hypermap.mapping.config import MappingConfig
 from hypermap.text import counted
 
 WHOLE = "nothing"
 """What is left out of the whole configuration."""
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A figure of one drive.
-
-    Attributes:
-        title: for the head of a table.
-        of: returns it; None where it is not defined.
-    """
-
-    title: str
-    of: Callable[[Score], float | None]
-
-
-MEASURES: Mapping[str, Measure] = {
-    "iou": Measure("IoU", lambda score: score.shape_iou),
-    "distance": Measure("off by [m]", lambda score: score.shape_distance),
-    "precision": Measure("precision", lambda score: score.detection[0].precision),
-    "recall": Measure("recall", lambda score: score.detection[0].recall),
-    "f1": Measure("F1 at 0.25", lambda score: score.detection[0].f1),
-    "f1_half": Measure("F1 at 0.5", lambda score: score.detection[1].f1),
-}
 
 
 def without_parts(whole: MappingConfig) -> dict[str, MappingConfig]:

@@ -6,10 +6,10 @@ import html
 from collections.abc import Sequence
 from pathlib import Path
 
-from hypermap.experiments.ablation import MEASURES, rows_of
+from hypermap.experiments.ablation import rows_of
 from hypermap.experiments.page import page_of, plot_of, wide
 from hypermap.experiments.plots import changes_plot
-from hypermap.experiments.results import Data, WorldResult
+from hypermap.experiments.results import MEASURES, Data, WorldResult
 from hypermap.experiments.tables import Table, html_of
 from hypermap.formats.atomic import write_file
 

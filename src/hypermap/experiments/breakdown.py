@@ -90,7 +90,7 @@ class Kind:
 
 KINDS: Mapping[str, Kind] = {
     "size": Kind(
-        "area [m^2]",
+        "area [m²]",
         lambda one: one.size,
         (0, 0.02, 0.1, 0.3, 1),
         ("below 0.02", "0.02 to 0.1", "0.1 to 0.3", "0.3 to 1", "1 and more"),

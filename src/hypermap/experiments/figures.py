@@ -21,7 +21,7 @@ from hypermap.experiments.calibration import calibration_error
 from hypermap.experiments.confusion import Confusion
 from hypermap.experiments.localization import LIMITS, localization_curve
 from hypermap.experiments.methods import OURS, PUBLISHED, Method, settings_of
-from hypermap.experiments.results import Data, WorldResult, mean
+from hypermap.experiments.results import MEASURES, Data, WorldResult, mean
 from hypermap.simulation import Errors
 
 POSE_ERRORS = ("ate", "ate_deg", "rpe", "rpe_deg")
@@ -32,7 +32,7 @@ def to_data(results: Sequence[WorldResult]) -> Data:
     return {
         "worlds": [_world(result) for result in results],
         "rule": (
-            "for every true object the estimated one of its class with the nearest centroid, "
+            "For every true object the estimated one of its class with the nearest centroid, "
             "moved so that the centroids coincide (thesis, 2019); p: paired one-sided Wilcoxon "
             f"signed-rank test of whether {OURS} is better, over true objects, each with its mean "
             "over the drives; gain: their mean, with Student's interval of 95 %"
@@ -122,6 +122,7 @@ def _method(result: WorldResult, name: str) -> Data:
             for class_ in result.classes()
         },
         **result.found(name),
+        "intervals": _intervals(result, name),
         "average_precision": result.average_precision(name),
         "reliability": [vars(one) for one in bins],
         "calibration_error": calibration_error(bins),
@@ -137,6 +138,17 @@ def _method(result: WorldResult, name: str) -> Data:
             data[f"p_{measure}"] = signed_rank(gains).p if has_any else None
             data[f"gain_{measure}"] = vars(effect_of(gains)) if has_any else None
     return data
+
+
+def _intervals(result: WorldResult, name: str) -> Data:
+    """Return the mean over the drives of each of `MEASURES`, and its interval."""
+    scores = [evaluation.overall for evaluation in result.evaluations[name]]
+    found: Data = {}
+    for key, measure in MEASURES.items():
+        values = [value for value in map(measure.of, scores) if value is not None]
+        effect = effect_of(values) if values else None
+        found[key] = effect and {"mean": effect.mean, "low": effect.low, "high": effect.high}
+    return found
 
 
 def _breakdown(result: WorldResult, name: str) -> Data:

@@ -70,7 +70,7 @@ def groups_plot(world: Data) -> Figure:
             axes.plot(places, [group["recall"] for group in groups], label=_plain(method), **style)
         words = [f"{group['words']}\n({group['objects']})" for group in first]
         axes.set_xticks(places, words, fontsize=7.5)
-        axes.set_xlabel(f"{kind.title.replace('m^2', 'm²')}, with the number of objects")
+        axes.set_xlabel(f"{kind.title}, with the number of objects")
         _tidy(axes)
     panels[0].set_ylabel("recall, IoU of 0.25")
     panels[0].set_ylim(0, 1.03)

@@ -25,6 +25,7 @@ from hypermap.experiments.thesis_tables import (
     class_table,
     gains_table,
     group_table,
+    intervals_table,
     methods_table,
     poses_table,
     recall_table,
@@ -50,7 +51,7 @@ def write_report(results: Sequence[WorldResult], data: Data, path: Path, command
         f"<p>Made by <code>{html.escape(command)}</code>. IoU is the Jaccard index. "
         f"{html.escape(data['rule'])}. A class that a map does not have is left out of its means; "
         "precision and recall count it.</p>",
-        _why(),
+        _why() if any(_is_of_the_thesis(world) for world in data["worlds"]) else "",
     ]
     for result, world in zip(results, data["worlds"], strict=True):
         parts += _world(result, world, data["localization_limits"])
@@ -62,10 +63,11 @@ def _world(result: WorldResult, world: Data, limits: Sequence[float]) -> list[st
     shown = [name for name in (OURS, "best shape, overlap") if name in methods]
     return [
         f"<h2>{html.escape(world['world'])}</h2>",
-        f"<p class=note>{world['objects']} true objects, {counted(len(seeds), 'drive')} (seeds "
-        f"{seeds[0]} to {seeds[-1]}) of {world['frames']} frames.</p>",
+        f"<p class=note>{world['objects']} true objects, {counted(len(seeds), 'drive')} "
+        f"({_seeds(seeds)}) of {world['frames']} frames.</p>",
         _bound(world),
         wide(html_of(methods_table(world))),
+        *([wide(html_of(intervals_table(world)))] if len(seeds) > 1 else []),
         *[wide(html_of(gains_table(world))) for name in methods if name == OURS],
         plot_of(groups_plot(world), "What is found, by size, distance and number of detections"),
         plot_of(curves_plot(world, limits), "How near objects are, and how good their shapes"),
@@ -77,6 +79,10 @@ def _world(result: WorldResult, world: Data, limits: Sequence[float]) -> list[st
         *[_ours(world) for name in methods if name == OURS],
         *[_picture(result, name) for name in shown],
     ]
+
+
+def _seeds(seeds: Sequence[int]) -> str:
+    return f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
 
 
 def _ours(world: Data) -> str:
@@ -92,12 +98,16 @@ def _ours(world: Data) -> str:
     )
 
 
+def _is_of_the_thesis(world: Data) -> bool:
+    return any(method["published"] for method in world["methods"].values())
+
+
 def _why() -> str:
     return """<p>Why our figures are not those of the thesis: its two recordings were never
 published, so worlds made after its maps stand in for the places, and models of errors for its
 camera, its localization and its detector. Its first program took the newest shape for the best one
 and never bounded what it kept; the rules here are those that it describes. It looked at one drive;
-here each figure is a mean over several, which differ in all that chance decides.</p>
+here each figure is a mean over the drives, which differ in all that chance decides.</p>
 <p>The occupancy map of each world is known, as that of the thesis' robot was. The profile default
 corrects poses by it; the thesis' methods take them as they are.</p>"""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.average_precision import average_precision
-from hypermap.evaluation.metrics import Evaluation, evaluate
+from hypermap.evaluation.metrics import Evaluation, Score, evaluate
 from hypermap.experiments.calibration import Bin, judged, reliability
 from hypermap.experiments.drives import Mapped
 from hypermap.simulation import World
@@ -19,6 +19,29 @@ from hypermap.simulation.truth import true_objects
 
 Data = dict[str, Any]
 AP_THRESHOLDS = tuple(0.25 + 0.05 * step for step in range(11))  # to 0.75
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A figure of one drive.
+
+    Attributes:
+        title: for the head of a table.
+        of: returns it; None where it is not defined.
+    """
+
+    title: str
+    of: Callable[[Score], float | None]
+
+
+MEASURES: Mapping[str, Measure] = {
+    "iou": Measure("IoU", lambda score: score.shape_iou),
+    "distance": Measure("off by [m]", lambda score: score.shape_distance),
+    "precision": Measure("precision", lambda score: score.detection[0].precision),
+    "recall": Measure("recall", lambda score: score.detection[0].recall),
+    "f1": Measure("F1 at 0.25", lambda score: score.detection[0].f1),
+    "f1_half": Measure("F1 at 0.5", lambda score: score.detection[1].f1),
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,17 +18,19 @@ NOT_DEFINED = "-"
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean difference, and the interval that holds it with a confidence of 95 %.
+    """A mean, and the interval that holds it with a confidence of 95 %.
 
     Attributes:
-        mean: of the differences.
-        low: lower end.
+        mean: of the differences, or of the figures of the drives.
+        low: lower end; that of one value alone has no width, and is not written.
         high: upper end.
+        is_change: whether the mean is one of differences, which are written with their sign.
     """
 
     mean: float
     low: float
     high: float
+    is_change: bool = True
 
 
 Cell: TypeAlias = "str | int | float | Interval | None"
@@ -89,8 +91,10 @@ def text_of(cell: Cell, column: Column) -> str:
     if isinstance(cell, Interval):
         if cell.low == cell.high == 0:  # no drive differs
             return f"{0:.{column.digits}f}"
-        mean, low, high = (f"{v:+.{column.digits}f}" for v in (cell.mean, cell.low, cell.high))
-        return f"{mean} ({low} to {high})"
+        sign = "+" if cell.is_change else ""
+        values = (cell.mean, cell.low, cell.high)
+        mean, low, high = (f"{v:{sign}.{column.digits}f}" for v in values)
+        return mean if cell.low == cell.high else f"{mean} ({low} to {high})"
     if not isinstance(cell, float):
         return str(cell)
     if column.style == "probability" and cell < 0.001:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hypermap.experiments.methods import OURS
-from hypermap.experiments.results import Data
+from hypermap.experiments.results import MEASURES, Data
 from hypermap.experiments.tables import Cell, Column, Interval, Table
 from hypermap.text import counted
 
@@ -15,6 +15,7 @@ def tables_of(world: Data) -> list[Table]:
     """Return all tables of a world."""
     return [
         methods_table(world),
+        *([intervals_table(world)] if len(world["seeds"]) > 1 else []),
         *([gains_table(world)] if OURS in world["methods"] else []),
         class_table(world, "iou"),
         class_table(world, "distance"),
@@ -27,7 +28,11 @@ def tables_of(world: Data) -> list[Table]:
 
 
 def methods_table(world: Data) -> Table:
-    """Return the table of all methods, in the measures of the thesis and ours."""
+    """Return the table of all methods, in the measures of the thesis and ours.
+
+    The thesis' own figures are next to ours in the worlds that it has.
+    """
+    has_any = any(method["published"] for method in world["methods"].values())
     return Table(
         f"{world['world']}-methods",
         f"{world['world']}: {world['objects']} true objects, means over "
@@ -36,31 +41,45 @@ def methods_table(world: Data) -> Table:
             Column("method"),
             Column("IoU", style="bar"),
             Column("off by [m]"),
-            Column("thesis' IoU"),
-            Column("thesis' [m]"),
+            *([Column("thesis' IoU"), Column("thesis' [m]")] if has_any else []),
             Column("objects", 1),
             Column("precision"),
             Column("recall"),
             Column("F1"),
             Column("F1 at 0.5"),
         ),
-        tuple(_method_row(name, method) for name, method in world["methods"].items()),
+        tuple(_method_row(name, method, has_any) for name, method in world["methods"].items()),
         (OURS,),
     )
 
 
-def _method_row(name: str, method: Data) -> tuple[Cell, ...]:
+def _method_row(name: str, method: Data, has_published: bool) -> tuple[Cell, ...]:
     quarter, half = method["at"]
     published = method["published"] or {}
     return (
         name,
         method["iou"],
         method["distance"],
-        published.get("iou"),
-        published.get("distance"),
+        *((published.get("iou"), published.get("distance")) if has_published else ()),
         method["objects"],
         *(quarter[key] for key in ("precision", "recall", "f1")),
         half["f1"],
+    )
+
+
+def intervals_table(world: Data) -> Table:
+    """Return the means of all methods over the drives, and how sure these are."""
+    return Table(
+        f"{world['world']}-intervals",
+        f"{world['world']}: means over {counted(len(world['seeds']), 'drive')}, with their 95 % "
+        "intervals (Student's t, over the drives)",
+        (Column("method"), *(Column(measure.title) for measure in MEASURES.values())),
+        tuple(
+            (name, *(found and Interval(**found, is_change=False) for found in intervals.values()))
+            for name, method in world["methods"].items()
+            for intervals in [method["intervals"]]
+        ),
+        (OURS,),
     )
 
 
@@ -178,7 +197,7 @@ def poses_table(world: Data) -> Table:
 
 GROUPS = {
     "class": "class",
-    "size": "area of the footprint [m^2]",
+    "size": "area of the footprint [m²]",
     "distance": "nearest view [m]",
     "views": "number of frames with a detection",
     "object": "object",
