@@ -16,8 +16,8 @@ import signal
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -97,22 +97,55 @@ def _report_what_counts(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Hand out tests as `--dist loadgroup` does, but forget those that are done.
-
-    After each test, it would count how many of all that a worker ever got are still to be done.
-    """
+    """Hand out tests as `--dist loadgroup` does, but quicker, and also after a crash."""
     if config.option.dist != "loadgroup":
         return None
     from xdist.scheduler import LoadGroupScheduling
 
-    class Forgetting(LoadGroupScheduling):  # type: ignore[misc]
+    class Scheduling(LoadGroupScheduling):  # type: ignore[misc]
         def mark_test_complete(self, node: Any, item_index: int, duration: float = 0) -> None:
+            """Forget what is done: all that a worker ever got would be counted after each test."""
             given = self.assigned_work[node]
             for group in [group for group, tests in given.items() if all(tests.values())]:
                 del given[group]
             super().mark_test_complete(node, item_index, duration)
 
-    return Forgetting(config, log)
+        def remove_node(self, node: Any) -> str | None:
+            """Return the test at which a worker crashed, and let others run what it had left.
+
+            It would run again, and crash the next worker, or wait for ever behind what is done.
+            """
+            given = self.assigned_work.pop(node)
+            tests = ((group, *test) for group in given for test in given[group].items())
+            left = [(group, test) for group, test, is_done in tests if not is_done]
+            for group, test in left[1:]:
+                self.workqueue.setdefault(group, {})[test] = False
+            for other in self.nodes:
+                self._reschedule(other)
+            return left[0][1] if left else None
+
+        def add_node_collection(self, node: Any, collection: Sequence[str]) -> None:
+            """Leave out a worker that was told to end while it collected."""
+            if node in self.assigned_work:
+                super().add_node_collection(node, collection)
+
+        def schedule(self) -> None:
+            """Give two tests to a new worker, as to the first ones: it begins when it has two."""
+            super().schedule()
+            for node in self.nodes:
+                self._reschedule(node)
+
+        def _reschedule(self, node: Any) -> None:
+            """Give no tests to a worker that has not collected them yet."""
+            if node in self.registered_collections:
+                super()._reschedule(node)
+
+        def _assign_work_unit(self, node: Any) -> None:
+            """Give tests also to a worker that has just crashed, as they come back from there."""
+            with suppress(OSError):
+                super()._assign_work_unit(node)
+
+    return Scheduling(config, log)
 
 
 @pytest.hookimpl(wrapper=True)
