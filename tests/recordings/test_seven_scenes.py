@@ -42,7 +42,7 @@ def test_info_tells_of_a_complete_recording(folder: Path) -> None:
     ]
     assert info.notes == (
         "stamps are frame numbers at 30 Hz",
-        "the world is taken as level, z up; if it is not, give --world-transform",
+        "the world is taken as level, z up; if it is not, give --level auto or --world-transform",
     )
 
 

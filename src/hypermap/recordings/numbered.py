@@ -102,7 +102,10 @@ class NumberedRecording(ImageFolder):
         frames, duration, image_size = 0, 0.0, None
         notes = [_note_on_stamps(self._files.depth)]
         if self._options.map_T_world is None:
-            notes.append("the world is taken as level, z up; if it is not, give --world-transform")
+            notes.append(
+                "the world is taken as level, z up; if it is not, give --level auto or "
+                "--world-transform"
+            )
         needs = ("_poses", "_frames", "_camera", "_color_camera", "_registration")
         problems = problems_of(self, *needs)
         if not problems:
