@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.core.errors import AreaError
-from hypermap.core.tangles import are_untangled, check_tangle, is_sound
+from hypermap.core.tangles import FEW, are_untangled, check_tangle, is_quickly_sound, is_sound
 
 _FAR = 1e9  # meters; areas are clipped there
 _FARTHEST = 1e100  # meters; products of two such lengths do not overflow
@@ -50,6 +50,8 @@ def as_area(area: Any) -> BaseGeometry:
     if not isinstance(area, BaseGeometry):
         raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
     own: BaseGeometry = shapely.force_2d(area)
+    if is_quickly_sound(own) and all(abs(side) <= _FAR for side in own.bounds):
+        return own  # as nearly all areas
     farthest = np.abs(shapely.get_coordinates(own)).max(initial=0)
     if not np.isfinite(farthest):
         raise AreaError("an area must be finite; there is a NaN or infinite coordinate")
@@ -135,10 +137,12 @@ def check_footprint(footprint: Any) -> None:
         raise ValueError("a footprint must not be empty")
     if footprint.has_z:
         raise ValueError("a footprint is 2D; its points must have two coordinates")
-    farthest = np.abs(shapely.get_coordinates(footprint)).max()
+    corners = shapely.get_coordinates(footprint)
+    farthest = np.abs(corners).max()
     if not farthest <= _FAR:
         raise ValueError(f"a footprint must be finite and within {_FAR:g} m, got {farthest}")
-    check_tangle(footprint)
+    if len(corners) > FEW:
+        check_tangle(footprint)
 
 
 def can_be_corners(points: NDArray[np.float64]) -> bool:

@@ -17,7 +17,9 @@ from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
 MOST_CORNERS = 100_000
 """Largest number of corners of a shape."""
 
-_FEW = 32  # corners; any tangle of so few is repaired in a millisecond
+FEW = 32
+"""Number of corners up to which any tangle is repaired in a millisecond."""
+
 _MANY = 1_000  # corners; any tangle of so few is found in a millisecond
 _CROSSINGS = 4  # per edge, besides `_FIRST`, of an outline that can be repaired
 _FIRST = 1_000
@@ -36,6 +38,11 @@ def is_sound(shape: Any) -> Any:
         return False if is_single else np.fromiter(map(is_sound, shape), dtype=bool)
 
 
+def is_quickly_sound(shape: BaseGeometry) -> bool:
+    """Return whether a geometry has few enough corners to be validated at once, and is valid."""
+    return bool(shapely.get_num_coordinates(shape) <= _MANY and is_sound(shape))
+
+
 def check_tangle(shape: BaseGeometry) -> None:
     """Check that a geometry of finite coordinates can be validated and repaired quickly.
 
@@ -43,12 +50,10 @@ def check_tangle(shape: BaseGeometry) -> None:
         ValueError: If it has too many corners, or its edges cross or touch each other too often.
     """
     corners = int(shapely.get_num_coordinates(shape))
-    if corners <= _FEW:
+    if corners <= FEW or is_quickly_sound(shape):
         return
     if corners > MOST_CORNERS:
         raise ValueError(f"an outline may have {MOST_CORNERS} corners, got {corners}")
-    if corners <= _MANY and is_sound(shape):
-        return
     edges = _edges(shape)
     near = _near(edges)
     if near is not None and is_sound(shape):
@@ -67,7 +72,7 @@ def are_untangled(shapes: ObjectArray) -> BoolArray:
     """Return which geometries, shape (N,), `check_tangle` would accept."""
     good = np.ones(len(shapes), dtype=bool)
     corners = shapely.get_num_coordinates(shapes)
-    some = np.flatnonzero((corners > _FEW) & (corners <= _MANY))
+    some = np.flatnonzero((corners > FEW) & (corners <= _MANY))
     some = some[~is_sound(shapes[some])] if len(some) else some
     for row in np.concatenate([some, np.flatnonzero(corners > _MANY)]).tolist():
         good[row] = _is_untangled(shapes[row])
