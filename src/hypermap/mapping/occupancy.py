@@ -24,6 +24,7 @@ from hypermap.mapping.stages import OccupancyConfig
 from hypermap.perception.frame import RgbdFrame
 
 _BLOCK = 256  # cells; the grid grows by whole blocks, so it is seldom copied
+_BAND = 1 << 16  # cells of a map that are computed at once, in a processor's cache
 
 
 class OccupancyMapper:
@@ -109,15 +110,16 @@ class OccupancyMapper:
         Cells are -1 unknown, 0 free, 100 occupied, or between the thresholds the probability in
         percent. The layer is empty if nothing was seen.
         """
-        first, seen = self.log_odds()
+        first, seen = self._seen()
         if seen.size == 0:
             return OccupancyLayer(name, frame_id)
         grid = cells_from(first, seen.shape, self.config.resolution)
-        likelihood = 1 / (1 + np.exp(-np.nan_to_num(seen.astype(np.float64))))
-        cells = np.round(100 * likelihood).astype(np.int8)
-        cells[likelihood < self.config.free_thresh] = FREE
-        cells[likelihood >= self.config.occupied_thresh] = OCCUPIED
-        cells[np.isnan(seen)] = UNKNOWN
+        cells = np.full(seen.shape, UNKNOWN, np.int8)
+        rows = max(1, _BAND // seen.shape[1])
+        for begin in range(0, len(seen), rows):
+            band = seen[begin : begin + rows]
+            known = ~np.isnan(band)
+            cells[begin : begin + rows][known] = self._percent(band[known])
         return OccupancyLayer(name, frame_id, grid, cells)
 
     def log_odds(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
@@ -127,12 +129,8 @@ class OccupancyMapper:
             Row and column of the first cell, counted from the origin of the map frame, int64, shape
             (2,); and the log-odds, NaN if never seen, float32, shape (H, W).
         """
-        known = ~np.isnan(self._log_odds)
-        rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-        if len(rows) == 0:
-            return np.zeros(2, np.int64), np.empty((0, 0), np.float32)
-        seen = self._log_odds[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
-        return np.add(self._first, [rows[0], cols[0]]), seen.copy()
+        first, seen = self._seen()
+        return first, seen.copy()
 
     def go_on_with(self, first: NDArray[np.int64], log_odds: NDArray[np.float32]) -> None:
         """Take over the evidence of a mapper with the same configuration; see `log_odds`."""
@@ -146,6 +144,23 @@ class OccupancyMapper:
         first, last = self._world.cells_at(np.array([low, high]))
         with suppress(HypermapError):
             self._cover(first, last)
+
+    def _percent(self, log_odds: NDArray[np.float32]) -> NDArray[np.int8]:
+        """Return the cells for log-odds that are known, shape (N,)."""
+        likelihood = 1 / (1 + np.exp(-log_odds.astype(np.float64)))
+        cells = np.round(100 * likelihood).astype(np.int8)
+        cells[likelihood < self.config.free_thresh] = FREE
+        cells[likelihood >= self.config.occupied_thresh] = OCCUPIED
+        return cells
+
+    def _seen(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Return `log_odds` as a view."""
+        known = ~np.isnan(self._log_odds)
+        rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+        if len(rows) == 0:
+            return np.zeros(2, np.int64), np.empty((0, 0), np.float32)
+        seen = self._log_odds[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+        return np.add(self._first, [rows[0], cols[0]]), seen
 
     def _seen_by(self, rays: Rays, min_points: int) -> SeenCells | None:
         bounds = rays.bounds()
