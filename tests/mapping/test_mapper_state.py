@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import shapely
+from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
 from hypermap.core.hypermap import Hypermap
@@ -174,3 +175,68 @@ def test_counts_of_evidence_that_is_not_there_take_no_memory(content: bytes) -> 
     wrong = ArrayFile(file.facts, {**file.arrays, "track.kept": kept})
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
         parse_state(dump_arrays(wrong, FORMAT, VERSION), CONFIG, "x.hmap")
+
+
+def nearly_empty(shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Log-odds of a grid of which two corners were seen."""
+    grid = np.full(shape, np.nan, np.float32)
+    grid[:30, :20], grid[-5:, -70:] = 0.85, -0.4
+    return grid
+
+
+def with_grids(state: MapperState, *grids: NDArray[np.float32]) -> MapperState:
+    """The state with other grids: of the present map, and of those before each part of the log."""
+    now, *befores = grids
+    log = [
+        dataclasses.replace(part, before=dataclasses.replace(part.before, log_odds=grid))
+        for part, grid in zip(state.log, befores, strict=True)
+    ]
+    return dataclasses.replace(state, log_odds=now, log=log)
+
+
+def test_large_grids_that_are_nearly_empty_take_the_space_of_what_was_seen(
+    state: MapperState,
+) -> None:
+    large, small = nearly_empty((1501, 1003)), nearly_empty((100, 100))
+    content = dump_state(with_grids(state, large, small, large, small))
+    assert len(content) < len(dump_state(with_grids(state, *4 * [small]))) + 200_000
+    again = parse_state(content, CONFIG)
+    for read, grid in zip(
+        [again.log_odds, *(part.before.log_odds for part in again.log)],
+        [large, small, large, small],
+        strict=True,
+    ):
+        assert read is not None
+        assert read.tobytes() == grid.tobytes()
+
+
+def test_versions_before_blocks_read_all_other_files(state: MapperState) -> None:
+    full = np.zeros((1200, 1000), np.float32)
+    small = nearly_empty((100, 100))
+    for grid in (full, small):
+        parse_arrays(dump_state(with_grids(state, grid, *3 * [small])), FORMAT, 1, "")
+    in_blocks = dump_state(with_grids(state, nearly_empty((1200, 1000)), *3 * [small]))
+    with pytest.raises(FormatError, match=r"of version 2; this program reads 1$"):
+        parse_arrays(in_blocks, FORMAT, 1, "")
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("shape", np.array([10**6, 10**6])),  # 4 TB
+        ("shape", np.array([-1501, -1003])),
+        ("shape", np.array([10, 10])),
+        ("blocks", np.array([[0, 0], [24, 15], [1000, 0]])),
+        ("blocks", np.array([[0, 0], [-1, 15], [23, 14]])),
+        ("values", np.zeros((3, 64), np.float32)),
+    ],
+)
+def test_damaged_blocks_are_one_error(
+    state: MapperState, name: str, wrong: NDArray[np.float64]
+) -> None:
+    small = nearly_empty((100, 100))
+    content = dump_state(with_grids(state, nearly_empty((1501, 1003)), *3 * [small]))
+    file = parse_arrays(content, FORMAT, VERSION, "")
+    arrays = {**file.arrays, f"log_odds.{name}": wrong}
+    with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
+        parse_state(dump_arrays(ArrayFile(file.facts, arrays), FORMAT, VERSION), CONFIG, "x.hmap")

@@ -60,7 +60,7 @@ def parse_arrays(content: bytes, format_name: str, version: int, path: str) -> A
     Args:
         content: the file.
         format_name: what it must say that it is.
-        version: the one that is understood.
+        version: the newest that is understood.
         path: how messages name it.
 
     Raises:
@@ -73,10 +73,10 @@ def parse_arrays(content: bytes, format_name: str, version: int, path: str) -> A
         header = None
     if not isinstance(header, dict) or header.get("format") != format_name:
         raise FormatError(f"does not say that its format is {format_name!r}", path=path)
-    if header.get("version") != version:
-        raise FormatError(
-            f"is of version {header.get('version')!r}; this program reads {version}", path=path
-        )
+    given = header.get("version")
+    if type(given) is not int or not 1 <= given <= version:
+        known = "1" if version == 1 else f"1 to {version}"
+        raise FormatError(f"is of version {given!r}; this program reads {known}", path=path)
     try:
         return ArrayFile(dict(header["facts"]), _arrays(header["arrays"], content, end + 1))
     except _WRONG as error:

@@ -34,6 +34,11 @@ from hypermap.mapping.frame_log import (
     unpacked_log,
 )
 from hypermap.mapping.keyframes import Keyframe
+from hypermap.mapping.log_odds_arrays import (
+    are_in_blocks,
+    packed_log_odds,
+    unpacked_log_odds,
+)
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_arrays import (
     PackedTables,
@@ -44,7 +49,8 @@ from hypermap.mapping.track_arrays import (
 from hypermap.mapping.tracks import TrackTable
 
 FORMAT = "hypermap mapper state"
-VERSION = 1
+VERSION = 2
+"""The newest that is read; the first, without grids in blocks, is written where it suffices."""
 
 
 _Arrays = Mapping[str, NDArray[Any]]
@@ -93,7 +99,7 @@ def dump_state(state: MapperState) -> bytes:
         arrays["keyframe"] = state.keyframe.map_T_camera.astype(np.float64)
         facts["keyframe"] = [state.keyframe.stamp, state.keyframe.wait]
     arrays["published"] = np.frombuffer(dump_objects(state.published), np.uint8)
-    arrays |= _packed_map("", MapBefore(state.tracks, state.first_cell, state.log_odds))
+    arrays |= _packed_maps(state)
     tables = packed_tables(state.tracks, [part.before.tracks for part in state.log])
     now, *facts["before"] = tables.facts
     facts |= now
@@ -112,11 +118,10 @@ def dump_state(state: MapperState) -> bytes:
     if (embeddings := Embeddings.of(looks)) is not None:
         facts["embedding_model"] = embeddings.model
         arrays |= packed_embeddings(embeddings)
-    for number, part in enumerate(state.log):
-        arrays |= _packed_map(table_prefix(number + 1), part.before)
     if state.log:
         arrays |= packed_log(state.log)
-    return dump_arrays(ArrayFile(facts, {**arrays, **tables.arrays}), FORMAT, VERSION)
+    version = VERSION if are_in_blocks(arrays) else 1
+    return dump_arrays(ArrayFile(facts, {**arrays, **tables.arrays}), FORMAT, version)
 
 
 def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_state") -> MapperState:
@@ -191,39 +196,42 @@ def _edits(prefix: str, arrays: _Arrays, path: str) -> dict[int, HandEdit]:
     return {int(key): by_hand.from_record(record) for key, record in records.items()}
 
 
-def _packed_map(prefix: str, content: MapBefore) -> dict[str, NDArray[Any]]:
-    """Return the parts of a map other than tracks: edits made by hand, and occupancy."""
-    edits = {track.id: track.by_hand for track in content.tracks.objects if track.by_hand}
-    records = {number: by_hand.as_record(edit) for number, edit in edits.items()}
-    arrays: dict[str, NDArray[Any]] = {
-        f"{prefix}by_hand": np.frombuffer(write_yaml(records), np.uint8)
-    }
-    if content.log_odds is not None:
-        arrays[f"{prefix}first_cell"] = content.first_cell
-        arrays[f"{prefix}log_odds"] = content.log_odds
-    return arrays
+def _packed_maps(state: MapperState) -> dict[str, NDArray[Any]]:
+    """Return the parts of maps other than tracks: edits made by hand, and occupancy.
+
+    The maps are the present one, and the one before each part of the log.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    grids = {}
+    present = MapBefore(state.tracks, state.first_cell, state.log_odds)
+    for number, content in enumerate([present, *(part.before for part in state.log)]):
+        prefix = table_prefix(number)
+        edits = {track.id: track.by_hand for track in content.tracks.objects if track.by_hand}
+        records = {number: by_hand.as_record(edit) for number, edit in edits.items()}
+        arrays[f"{prefix}by_hand"] = np.frombuffer(write_yaml(records), np.uint8)
+        if content.log_odds is not None:
+            arrays[f"{prefix}first_cell"] = content.first_cell
+            grids[prefix] = content.log_odds
+    return arrays | packed_log_odds(grids)
 
 
 def _unpacked_maps(packed: PackedTables, config: EvidenceConfig, path: str) -> list[MapBefore]:
     """Return the maps in a file: the present one, and the one before each part of the log."""
-    found = []
-    for number, tracks in enumerate(unpacked_tables(packed, config)):
-        prefix = table_prefix(number)
+    tables = {table_prefix(n): one for n, one in enumerate(unpacked_tables(packed, config))}
+    grids, found = unpacked_log_odds(tables, packed.arrays), []
+    for prefix, tracks in tables.items():
         edits = _edits(prefix, packed.arrays, path)
         for track in tracks.objects:
             track.by_hand = edits.get(track.id)
-        found.append(MapBefore(tracks, *_grid(prefix, packed.arrays)))
+        found.append(MapBefore(tracks, _first_cell(prefix, packed.arrays), grids[prefix]))
     return found
 
 
-def _grid(prefix: str, arrays: _Arrays) -> tuple[NDArray[np.int64], NDArray[np.float32] | None]:
-    log_odds = arrays.get(f"{prefix}log_odds")
-    if log_odds is not None and (log_odds.ndim != 2 or log_odds.dtype != np.float32):
-        raise ValueError(f"log_odds have the shape {log_odds.shape}")
+def _first_cell(prefix: str, arrays: _Arrays) -> NDArray[np.int64]:
     first_cell = arrays.get(f"{prefix}first_cell", np.zeros(2, np.int64)).reshape(2)
     if np.abs(first_cell.astype(np.float64)).max() > FARTHEST_CELL:
         raise ValueError(f"the occupancy layer begins at {first_cell}")
-    return first_cell, log_odds
+    return first_cell
 
 
 def _embedded_maps(arrays: _Arrays, config: EvidenceConfig, path: str) -> list[MapBefore]:
