@@ -288,8 +288,8 @@ class Finder:
     def _are_only(self, others: Matches, found: Matches) -> BoolArray:
         """Return which objects are in a room of some others because they are one of these alone."""
         own = self.places_of_rooms(others)
-        alone = np.array([(own == place).sum() == 1 for place in own], dtype=bool)
-        return np.isin(found.keys, others.keys[alone])
+        _, place, count = np.unique(own, return_inverse=True, return_counts=True)
+        return np.isin(found.keys, others.keys[count[place] == 1])
 
     # Conditions
 

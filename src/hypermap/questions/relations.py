@@ -16,9 +16,12 @@ from hypermap.core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Matches
+from hypermap.questions.sizes import height_of
 
 _TOUCHING = 0.15  # [m] between an object and the top of the one below it, as measured
-_AT_ONCE = 1000  # objects are compared with all others, so that memory stays bounded
+_FIRST, _MORE = 16, 7  # others that objects are compared with at first, and how many times more
+_AT_ONCE = 1_000_000  # pairs at most, so that memory stays bounded
+_MOST = 4_000_000  # pairs of objects that are compared for a question, in some seconds
 
 
 class Stacks:
@@ -26,13 +29,13 @@ class Stacks:
 
     def __init__(self, relation: str, found: Matches, others: Matches) -> None:
         self._relation = relation
-        self._matches = found, others
+        self._heights = _heights(found), _heights(others)
         self._areas = shapely.area(found.shapes), shapely.area(others.shapes)
 
     def __call__(self, at: IntArray, of: IntArray) -> BoolArray:
         """Return which of some pairs are so."""
-        low, high = _heights(self._matches[0], at)
-        other_low, other_high = _heights(self._matches[1], of)
+        low, high = self._heights[0][at].T
+        other_low, other_high = self._heights[1][of].T
         is_known = ~np.isnan(low + high + other_low + other_high)
         if self._relation == "under":
             if not is_known.all():
@@ -103,18 +106,32 @@ def any_pair(
         predicate: of shapely's STRtree; None compares bounding boxes alone.
         distance: for the predicate "dwithin" [m].
         is_so: what else must hold, for the places of objects and others.
+
+    Raises:
+        HypermapError: If too many pairs would have to be compared.
     """
-    tree = shapely.STRtree(others.shapes)
     holds = np.zeros(len(found), dtype=bool)
-    for begin in range(0, len(found), _AT_ONCE):
-        part = shapes[begin : begin + _AT_ONCE]
-        if predicate is not None:  # which prepares them, and threads must not share prepared ones
-            part = shapely.force_2d(part)
-        at, of = tree.query(part, predicate=predicate, distance=distance)
-        at = at + begin
-        is_other = found.keys[at] != others.keys[of]
-        at, of = at[is_other], of[is_other]
-        holds[at if is_so is None else at[is_so(at, of)]] = True
+    order = np.random.default_rng(0).permutation(len(others))  # so that most find one soon
+    begin = count = 0
+    while begin < len(order):
+        some = order[begin : begin + max(_FIRST, _MORE * begin)]
+        tree, left = shapely.STRtree(others.shapes[some]), np.flatnonzero(~holds)
+        for rows in np.split(left, range(0, len(left), max(1, _AT_ONCE // len(some)))[1:]):
+            part = shapes[rows]
+            if predicate is not None:  # prepares them, and threads must not share prepared ones
+                part = shapely.force_2d(part)
+            at, of = tree.query(part, predicate=predicate, distance=distance)
+            at, of = rows[at], some[of]
+            count += len(at)
+            if count > _MOST:
+                raise HypermapError(
+                    f"more than {_MOST:,} pairs of objects would have to be compared; ask about "
+                    "fewer objects, as those in one room, or a smaller distance"
+                )
+            is_other = found.keys[at] != others.keys[of]
+            at, of = at[is_other], of[is_other]
+            holds[at if is_so is None else at[is_so(at, of)]] = True
+        begin += len(some)
     return holds
 
 
@@ -149,13 +166,11 @@ def are_between(found: Matches, one: BaseGeometry, other: BaseGeometry) -> BoolA
     return between
 
 
-def _heights(found: Matches, rows: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and highest points of some objects [m], shape (N,); NaN where unknown."""
-    heights = np.full((len(rows), 2), np.nan)
+def _heights(found: Matches) -> FloatArray:
+    """Return the lowest and highest point of each object [m], shape (N, 2); NaN where unknown."""
+    heights = np.full((len(found), 2), np.nan)
     if (found.keys < 0).any():  # places of the question
-        return heights[:, 0], heights[:, 1]
-    for row, own in zip(heights, found.take(rows).column("attributes"), strict=True):
-        values = [own.get(key) for key in ("z_min", "z_max")]
-        if all(isinstance(value, int | float) for value in values):
-            row[:] = values
-    return heights[:, 0], heights[:, 1]
+        return heights
+    for row, own in zip(heights, found.column("attributes"), strict=True):
+        row[:] = [height_of(own.get(key)) for key in ("z_min", "z_max")]
+    return heights

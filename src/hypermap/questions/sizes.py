@@ -49,7 +49,7 @@ def size_of(shape: BaseGeometry, heights: tuple[Any, Any] = (None, None)) -> Siz
     sides = [0.0, float(shape.length)]  # of a point or a line
     if len(corners) > 2:
         sides = np.hypot(*np.diff(corners[:3], axis=0).T).tolist()
-    low, high = map(_height, heights)
+    low, high = map(height_of, heights)
     return Size(max(sides), min(sides), float(shape.area), low, high)
 
 
@@ -58,10 +58,14 @@ def size_of_object(thing: SemanticObject) -> Size:
     return size_of(thing.footprint, (thing.attributes.get("z_min"), thing.attributes.get("z_max")))
 
 
-def _height(value: Any) -> float | None:
-    """Return a height as a file has it; None if it is no number."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if is_number and math.isfinite(value) else None
+def height_of(value: Any) -> float | None:
+    """Return a height as a file has it [m]; None if it is no number, or larger than any float."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:  # an integer of 400 digits
+        return None
 
 
 def _area(square_meters: float) -> str:
