@@ -31,6 +31,9 @@ from hypermap import (
     open_map,
     save_map,
 )
+from hypermap.core.hypermap import ROOMS
+from hypermap.questions import Condition, Query, Reference, ask
+from hypermap.questions.sizes import size_of_object
 
 SHORT_WORLDS = 4
 QUESTIONS = 8  # of each kind, to each state of a world
@@ -178,7 +181,9 @@ class World:
         for _ in range(QUESTIONS):
             self._objects()
             self._objects_at()
-            self.asked += 2
+            self._same_room()
+            self._sizes()
+            self.asked += 4
 
     def _known_frame(self) -> str | None:
         """Return a frame that a question may be asked in; None is the map's base frame."""
@@ -339,6 +344,48 @@ class World:
                 f"{text}: the distances are {[hit.distance for hit in found]}, not {exact}",
             )
 
+    def _same_room(self) -> None:
+        """Ask what shares a room with an object of a name; the rooms are strips of the plane."""
+        draw, everything = self._draw, self.oracle.objects()
+        borders = sorted(draw.uniform(-5.0, 15.0) for _ in range(draw.randrange(4)))
+        edges = itertools.pairwise([-1e4, *borders, 1e4])
+        rooms = [SemanticObject("room", shapely.box(a, -1e4, b, 1e4)) for a, b in edges]
+        hypermap = self.hypermap.with_layers([*self.hypermap, SemanticLayer(ROOMS, "map", rooms)])
+        middles = np.array([shape.centroid.x for _, _, shape in everything])
+        if any(np.abs(middles - border).min(initial=1.0) < EPSILON for border in borders):
+            return
+        names = [thing.name for _, thing, _ in everything]
+        places = np.searchsorted(borders, middles).tolist()
+        name, of = draw.choice([None, *NAMES]), draw.choice(NAMES)
+        others = {(place, i) for i, place in enumerate(places) if names[i] == of}
+        expected = {
+            i
+            for i, place in enumerate(places)
+            if name in (None, names[i]) and any(p == place and j != i for p, j in others)
+        }
+        shared = Condition("in the room of", Reference(names=(of,)))
+        query = Query(names=() if name is None else (name,), exact=True, where=(shared,))
+        keys = self._keys()
+        found = [hit for hit in ask(hypermap, query).objects if hit.layer != ROOMS]
+        given = {keys[hit.layer, _id(hit)] for hit in found}
+        text = f"{name} in the room of {of}, rooms end at {borders}"
+        _require(given == expected, f"{text}: {sorted(given)}, not {sorted(expected)}")
+
+    def _sizes(self) -> None:
+        """Ask how large the objects of a name are."""
+        name, keys, everything = self._draw.choice(NAMES), self._keys(), self.oracle.objects()
+        found = ask(self.hypermap, Query("size", (name,), exact=True)).objects
+        given = {keys[hit.layer, _id(hit)]: size_of_object(hit.object) for hit in found}
+        expected = {i for i, (_, thing, _) in enumerate(everything) if thing.name == name}
+        _require(set(given) == expected, f"sizes of {name}: of {sorted(given)}")
+        for number, size in given.items():
+            shape = everything[number][2]
+            sides = _rectangle(shape)
+            text = f"size of {name} {everything[number][1].number}: {size}"
+            _require(abs(size.area - shape.area) < 1e-6, f"{text}, not {shape.area} m^2")
+            product = sides[0] * sides[1]  # rectangles of one area may have other sides
+            _require(abs(size.length * size.width - product) < 1e-5, f"{text}, not {sides}")
+
     def _distance(self, number: int, near: Any, frame: str) -> float:
         """Return how far an object is from a point, or from the nearest other of a name."""
         everything = self.oracle.objects()
@@ -384,6 +431,17 @@ class World:
             off = np.abs(places[rows] - points).max()
             _require(off < 100 * EPSILON, f"{what}: {off} m beside the right place")
         return iter(rows)
+
+
+def _rectangle(shape: BaseGeometry) -> tuple[float, float]:
+    """Return the sides of the smallest rectangle around a shape, along one of its hull's edges."""
+    corners = shapely.get_coordinates(shapely.convex_hull(shape))
+    best = (math.inf, math.inf)
+    for one, other in itertools.pairwise(corners):
+        x, y = (other - one) / np.hypot(*(other - one))
+        along, across = (np.ptp(corners @ axis) for axis in ((x, y), (-y, x)))
+        best = min(best, (float(along), float(across)), key=math.prod)
+    return best
 
 
 def _combined(parent: Pose, child: Pose) -> Pose:

@@ -18,10 +18,11 @@ from campaign.full_map import MeanColors, corrected_trajectory, full_map
 from campaign.fuzz_targets.servers import answered, mutate_request, parsed_request
 from campaign.fuzz_targets.target import Target
 from campaign.mutation import mutate_any, mutate_json, mutate_text
-from hypermap import HypermapError, SemanticObject, open_map, save_map
+from hypermap import HypermapError, SemanticLayer, SemanticObject, open_map, save_map
 from hypermap.agents.toolbox import tools_for
 from hypermap.agents.tools import Picture
 from hypermap.core.grid import GridGeometry
+from hypermap.core.hypermap import ROOMS
 from hypermap.core.trajectory import pose_matrix, trajectory_of
 from hypermap.mapping.mapper import Mapper
 from hypermap.questions.asking import answer_to
@@ -82,6 +83,8 @@ def tools(folder: Path) -> Target:
 def questions(_: Path) -> Target:
     """Questions in English, and queries as JSON."""
     hypermap, encoder = full_map(), MeanColors()
+    rooms = [square("kitchen", 0, 0, 3.0, id=1), square("hall", 3.1, 0, 4.0, id=2)]
+    hypermap = hypermap.with_layers([*hypermap, SemanticLayer(ROOMS, "map", rooms)])
     near = {"relation": "near", "what": {"names": ["sink"]}, "within": 1.5}
     queries: list[dict[str, Any]] = [
         {"give": "count", "names": ["person"], "where": [near]},
@@ -94,6 +97,8 @@ def questions(_: Path) -> Target:
     ]
     texts = ["which sinks are within 1 m of a person?", "how many sinks are there"]
     texts += ["what is at 1.0, 2.0", "where was the sink on 2026-11-20?", "what looks like: red"]
+    texts += ["how big is the largest room?", "which cups are in the same room as a sink?"]
+    texts += ["how many persons are in each room?", "which sinks are left of a person?"]
 
     def ask(data: bytes) -> None:
         answer = answer_to(hypermap, data.decode(errors="surrogateescape"), encoder=encoder)
