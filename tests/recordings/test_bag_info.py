@@ -26,7 +26,7 @@ from .bag_builder import (
     write_bag,
 )
 from .bag_tools import without
-from .shots import HEIGHT, INTRINSICS, SHOTS, START, WIDTH, assert_shows
+from .shots import HEIGHT, INTRINSICS, SHOTS, START, WIDTH
 
 
 def test_info_tells_what_each_topic_is_used_for(tmp_path: Path, kind: str) -> None:
@@ -204,9 +204,40 @@ def test_distortion_other_frames_and_other_topics_are_noted(tmp_path: Path) -> N
         f"{DEPTH} is used; also there: /camera/depth/image_raw (--depth-topic)",
         "color comes from frame 'color_camera', depth from 'camera': if the driver has not "
         "registered them, objects are cut out next to where they are (--register)",
-        "the lens distortion in the camera info is not corrected",
+        "the images are rectified: the camera info has lens distortion (plumb_bob)",
     )
-    assert_shows(next(recording.frames()), SHOTS[0])
+    frame = next(recording.frames())
+    fx, fy, cx, cy = INTRINSICS
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    x, y = (u - cx) / fx, (v - cy) / fy
+    radial = 1 + 0.1 * (x * x + y * y)
+    column, row = np.rint(fx * x * radial + cx), np.rint(fy * y * radial + cy)
+    is_in = (column >= 0) & (column < WIDTH) & (row >= 0) & (row < HEIGHT)
+    raw = np.where(SHOTS[0].depth_mm == 0, np.nan, SHOTS[0].depth_mm / 1000)
+    expected = raw[
+        np.clip(row, 0, HEIGHT - 1).astype(int), np.clip(column, 0, WIDTH - 1).astype(int)
+    ]
+    np.testing.assert_allclose(frame.depth, np.where(is_in, expected, np.nan), rtol=1e-6)
+    color = np.asarray(frame.color, int)
+    np.testing.assert_allclose(color[12, 15], SHOTS[0].color[12, 15], atol=5)  # at the center
+    assert (
+        color[~is_in & ((column < -1) | (column > WIDTH) | (row < -1) | (row > HEIGHT))] == 0
+    ).all()
+
+
+def test_a_lens_that_nobody_knows_is_noted_and_not_corrected(tmp_path: Path) -> None:
+    info = camera_info(START, distortion=[0.1, 0, 0, 0, 0]) | {"distortion_model": "wide"}
+    with BagBuilder(tmp_path, "ros1") as bag:
+        add_poses(bag, SHOTS)
+        bag.add(INFO, CAMERA_INFO, START - 1, info)
+        for shot in SHOTS:
+            bag.add(DEPTH, IMAGE, shot.stamp, image(shot.depth_mm, "16UC1", shot.stamp))
+    recording = open_recording(bag.path)
+    assert (
+        "the lens distortion in the camera info is not corrected: the known models are plumb_bob, "
+        "rational_polynomial, equidistant, got 'wide'" in recording.info().notes
+    )
+    assert next(recording.frames()).cloud is None
 
 
 @pytest.mark.parametrize(

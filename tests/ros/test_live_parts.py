@@ -325,7 +325,7 @@ def test_depth_is_registered_to_color_and_frames_are_turned_where_that_is_set(
         detector="network.onnx", pose_convention=convention,
     )  # fmt: skip
     assert settings.color_info_topic == "/color/camera_info"
-    frames = FrameMaker(settings)
+    frames = FrameMaker(settings, pytest.fail)
     frames.camera_info = info(32, 24, 26.0)
     assert frames.lacks_camera_info
     frames.color_info = info(64, 48, 52.0)
@@ -340,9 +340,8 @@ def test_depth_is_registered_to_color_and_frames_are_turned_where_that_is_set(
 
 
 def test_a_simulator_may_name_the_body_of_its_camera() -> None:
-    frames = FrameMaker(
-        LiveSettings(depth_topic="/depth", detections_topic="/boxes", pose_convention="body")
-    )
+    topics = {"depth_topic": "/depth", "detections_topic": "/boxes"}
+    frames = FrameMaker(LiveSettings(**topics, pose_convention="body"), pytest.fail)
     frames.camera_info = info(32, 24, 26.0)
     depth = message(np.full((24, 32), 2.0, np.float32), "32FC1")
     frame = frames.frame(MatchedMessages(10**9, {"": None}, {}), depth, np.eye(4))

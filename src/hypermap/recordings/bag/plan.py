@@ -24,7 +24,7 @@ from hypermap.recordings.bag.decode import (
 )
 from hypermap.recordings.bag.file import Topic
 from hypermap.recordings.bag.topics import ChosenTopics
-from hypermap.recordings.messages.camera import camera_of_info, has_distortion
+from hypermap.recordings.messages.camera import camera_of_info, rectification_of_info
 from hypermap.recordings.messages.clouds import fit_camera
 from hypermap.recordings.messages.header import as_seconds, clean_frame
 from hypermap.recordings.options import RecordingOptions
@@ -32,6 +32,7 @@ from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 from hypermap.recordings.problems import problems_of
 
 if TYPE_CHECKING:
+    from hypermap.perception.rectification import Rectification
     from hypermap.perception.registration import Registration
 
 DEPTH_SCALE = 1000.0  # units per meter, REP 118
@@ -69,8 +70,7 @@ class BagPlan:
                 f"{contents.geometry.frame_id!r}: if the driver has not registered them, objects "
                 "are cut out next to where they are (--register)"
             )
-        if self._has_uncorrected_lens:
-            notes.append("the lens distortion in the camera info is not corrected")
+        notes += dict.fromkeys(said for _, said in (self._rectified, self._color_rectified) if said)
         if self._topics.detections:
             matched = sum(found is not None for found in self.detections)
             notes.append(f"{matched} of {len(self.frames)} frames have recorded detections")
@@ -153,7 +153,19 @@ class BagPlan:
                 "there is no camera info (sensor_msgs/CameraInfo) for the depth images; "
                 "record it, or give --intrinsics"
             )
+        if self.rectification is not None:
+            return self.rectification.camera
         return camera_of_info(self._contents.camera_info, width, height, self._is_rectified)
+
+    @property
+    def rectification(self) -> Rectification | None:
+        """How to rectify depth images; None where there is nothing to do."""
+        return self._rectified[0]
+
+    @property
+    def color_rectification(self) -> Rectification | None:
+        """How to rectify color images, and what was detected in them; None for not at all."""
+        return self._color_rectified[0]
 
     @property
     def frame_camera(self) -> Camera:
@@ -174,13 +186,15 @@ class BagPlan:
 
         height, width, _ = self._first_color.shape
         camera = self._options.color_camera(width, height)
+        if self.color_rectification is not None:
+            camera = self.color_rectification.camera
         if camera is None:
             if self._contents.color_info is None:
                 raise FormatError(
                     "there is no camera info for the color images, which --register needs; "
                     "record it, or give --color-intrinsics"
                 )
-            is_rectified = "rect" in self.color_topic.name.rpartition("/")[2]
+            is_rectified = _is_rectified(self.color_topic)
             camera = camera_of_info(self._contents.color_info, width, height, is_rectified)
         return Registration(camera, self._depth_pose())
 
@@ -310,15 +324,35 @@ class BagPlan:
             return clean_frame(self._options.camera_frame)
         return self._contents.geometry.frame_id
 
-    @property
-    def _has_uncorrected_lens(self) -> bool:
-        is_from_info = self._options.intrinsics is None and self._first.cloud is None
+    @cached_property
+    def _rectified(self) -> tuple[Rectification | None, str]:
+        """How to rectify depth images, and what is to be said of it."""
         info = self._contents.camera_info
-        return is_from_info and not self._is_rectified and has_distortion(info)
+        if info is None or self._options.intrinsics is not None or self._first.cloud is not None:
+            return None, ""
+        return rectification_of_info(info, *self._first.size, self._is_rectified)
+
+    @cached_property
+    def _color_rectified(self) -> tuple[Rectification | None, str]:
+        """How to rectify color images, and what is to be said of it."""
+        topic, info = self._topics.color, self._contents.color_info
+        if topic is not None and _is_rectified(topic):
+            return None, ""
+        if not self._options.register:
+            return self._rectified
+        if info is None or self._options.color_intrinsics is not None:
+            return None, ""
+        height, width, _ = self._first_color.shape
+        return rectification_of_info(info, width, height, is_rectified=False)
 
     @property
     def _is_rectified(self) -> bool:
-        return "rect" in self.geometry_topic.name.rpartition("/")[2]
+        return _is_rectified(self.geometry_topic)
+
+
+def _is_rectified(topic: Topic) -> bool:
+    """Return whether images are rectified, as the name of their topic tells."""
+    return "rect" in topic.name.rpartition("/")[2]
 
 
 def _readable(read: Callable[[Any], _Image], messages: Sequence[Any]) -> list[_Image]:

@@ -28,6 +28,7 @@ from hypermap.recordings.bag.file import Topic
 from hypermap.recordings.messages.header import as_seconds
 
 if TYPE_CHECKING:
+    from hypermap.perception.rectification import Rectification
     from hypermap.perception.registration import Registration
     from hypermap.recordings.bag.plan import BagPlan
 
@@ -62,6 +63,8 @@ class MessageReader:
         topics: that of the depth images or clouds, and that of color images if they have their own.
         camera: of the depth images.
         units_per_meter: of integer depth.
+        rectification: of the depth images; None if there is nothing to do.
+        color_rectification: of the color images and what was detected in them, likewise.
         registration: of depth to color; None unless requested.
         rotate: degrees by which to rotate the images clockwise.
     """
@@ -70,6 +73,8 @@ class MessageReader:
     topics: tuple[Topic, ...]
     camera: Camera
     units_per_meter: float
+    rectification: Rectification | None
+    color_rectification: Rectification | None
     registration: Registration | None
     rotate: int
 
@@ -77,7 +82,16 @@ class MessageReader:
     def of(cls, path: Path, plan: BagPlan, rotate: int) -> MessageReader:
         """Return the reader of the frames of a plan."""
         topics = tuple(topic for topic in (plan.geometry_topic, plan.color_topic) if topic)
-        return cls(path, topics, plan.camera, plan.depth_scale, plan.registration, rotate)
+        return cls(
+            path,
+            topics,
+            plan.camera,
+            plan.depth_scale,
+            plan.rectification,
+            plan.color_rectification,
+            plan.registration,
+            rotate,
+        )
 
     def pose(self, parts: FrameMessages) -> NDArray[np.float64]:
         """Return `map_T_camera` of a frame, shape (4, 4), before its images are rotated."""
@@ -104,7 +118,7 @@ class MessageReader:
             map_T_camera=self.pose(parts),
             color=color,
             color_stamp=None if color is None else as_seconds(parts.stamps[-1]),
-            detections=parts.detections,
+            detections=self._detections(parts),
             cloud=geometry.cloud,
         )
         return turned(frame, self.rotate)
@@ -117,14 +131,23 @@ class MessageReader:
         with self._naming(parts.stamps[0]):
             geometry = decode_geometry(self.topics[0], parts.messages[0], self.units_per_meter)
             check_depth(geometry, self.camera)
-            return geometry
+        if self.rectification is not None:
+            return Geometry(self.rectification.depth(geometry.depth))
+        return geometry
 
     def _color(self, parts: FrameMessages) -> NDArray[np.uint8]:
         with self._naming(parts.stamps[0]):
             color = decode_color(self.topics[1], parts.messages[1])
             size = self._frame_camera.width, self._frame_camera.height
             check_color(color, size, self.topics[1], self.topics[0])
-            return color
+        rectification = self.color_rectification
+        return color if rectification is None else rectification.color(color)
+
+    def _detections(self, parts: FrameMessages) -> Detections | None:
+        found, rectification = parts.detections, self.color_rectification
+        if found is None or rectification is None:
+            return found
+        return rectification.detections(found)
 
     @contextmanager
     def _naming(self, stamp: int) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""Intrinsics from `sensor_msgs/CameraInfo`."""
+"""Intrinsics and lens distortion from `sensor_msgs/CameraInfo`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 
 from hypermap.core.errors import FormatError
 from hypermap.perception.frame import Camera
+from hypermap.perception.lens import Lens
+from hypermap.perception.rectification import Rectification
 
 
 def camera_of_info(info: Any, width: int, height: int, is_rectified: bool) -> Camera:
@@ -44,6 +46,40 @@ def camera_of_info(info: Any, width: int, height: int, is_rectified: bool) -> Ca
 def has_distortion(info: Any) -> bool:
     """Return whether the camera's lens has distortion."""
     return bool(np.any(np.asarray(_field(info, "D"), dtype=float)))
+
+
+def rectification_of_info(
+    info: Any, width: int, height: int, is_rectified: bool
+) -> tuple[Rectification | None, str]:
+    """Return how to rectify the images that a camera info describes, and a sentence on it.
+
+    The result is that of ROS's image_proc: the camera has the intrinsics of `P`, if it has any.
+
+    Args:
+        info: the message.
+        width: columns of the images.
+        height: rows of the images.
+        is_rectified: whether the images are rectified.
+
+    Returns:
+        None and an empty sentence where there is nothing to do; None and the reason where the
+        distortion cannot be corrected.
+
+    Raises:
+        FormatError: As `camera_of_info`.
+    """
+    if is_rectified or not has_distortion(info):
+        return None, ""
+    raw = camera_of_info(info, width, height, is_rectified=False)
+    try:
+        lens = Lens(str(info.distortion_model), tuple(map(float, _field(info, "D"))))
+    except ValueError as error:
+        return None, f"the lens distortion in the camera info is not corrected: {error}"
+    P = np.array(_field(info, "P"), dtype=float)
+    has_own = P.shape == (12,) and P[0] > 0 and P[5] > 0
+    camera = camera_of_info(info, width, height, is_rectified=True) if has_own else raw
+    said = f"the images are rectified: the camera info has lens distortion ({lens.model})"
+    return Rectification(lens, raw, camera), said
 
 
 def _field(info: Any, name: str) -> Any:

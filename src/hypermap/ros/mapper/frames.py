@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ from hypermap.core.errors import FormatError
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.pose_convention import optical_offset, optical_poses
+from hypermap.perception.rectification import Rectification
 from hypermap.perception.registration import Registration
 from hypermap.perception.turning import turned
-from hypermap.recordings.messages.camera import camera_of_info
+from hypermap.recordings.messages.camera import camera_of_info, rectification_of_info
 from hypermap.recordings.messages.clouds import fit_camera, points_of_cloud
 from hypermap.recordings.messages.compressed_depth import depth_of_compressed
 from hypermap.recordings.messages.header import as_seconds, clean_frame
@@ -24,6 +26,7 @@ from hypermap.recordings.messages.images import (
 )
 from hypermap.ros.mapper.settings import CLOUD, COMPRESSED, LiveSettings
 from hypermap.ros.mapper.synchronizer import MatchedMessages
+from hypermap.ros.port import Level
 
 
 class FrameMaker:
@@ -32,13 +35,18 @@ class FrameMaker:
     Attributes:
         camera_info: the last `sensor_msgs/CameraInfo`; None while there was none.
         color_info: that of the color images, where depth is to be registered to them.
+
+    Args:
+        settings: of the node.
+        log: takes a level and a line for the node's log.
     """
 
-    def __init__(self, settings: LiveSettings) -> None:
+    def __init__(self, settings: LiveSettings, log: Callable[[Level, str], None]) -> None:
         self.camera_info: Any = None
         self.color_info: Any = None
-        self._settings = settings
+        self._settings, self._log = settings, log
         self._fitted: Camera | None = None
+        self._said: set[str] = set()
 
     @property
     def lacks_camera_info(self) -> bool:
@@ -72,12 +80,13 @@ class FrameMaker:
         convention = self._settings.pose_convention
         map_T_camera = optical_poses(map_T_camera, convention)
         depth, cloud, color = self._geometry(geometry)
-        camera = self._camera(depth, cloud)
+        depth, camera, rectification = self._rectified(depth, cloud)
         if color_T_depth is not None:
             pose = optical_offset(color_T_depth, convention)
-            registration = Registration(self._color_camera(match.items["color"]), pose)
+            color_camera, rectification = self._color_camera(match.items["color"])
+            registration = Registration(color_camera, pose)
             depth, map_T_camera = registration.depth(depth, camera), registration.pose(map_T_camera)
-            camera = registration.camera
+            camera = color_camera
         if "color" in match.items and self._settings.detector:
             message = match.items["color"]
             is_compressed = self._settings.color_type == COMPRESSED
@@ -90,6 +99,9 @@ class FrameMaker:
         if self._settings.detector and color is None:
             raise FormatError("the clouds have no color for the detector; give color_topic")
         detections: Detections | None = match.items.get("detections")
+        if rectification is not None:
+            color = None if color is None else rectification.color(color)
+            detections = None if detections is None else rectification.detections(detections)
         frame = RgbdFrame(
             stamp=as_seconds(match.stamp),
             depth=depth,
@@ -102,16 +114,45 @@ class FrameMaker:
         )
         return turned(frame, self._settings.rotate)
 
-    def _color_camera(self, color: Any) -> Camera:
-        """Return the camera of a color image; if compressed, only camera info has its size.
+    def _rectified(
+        self, depth: NDArray[np.float32], cloud: NDArray[np.float32] | None
+    ) -> tuple[NDArray[np.float32], Camera, Rectification | None]:
+        """Return rectified depth, its camera, and how color that goes with it is to be rectified.
+
+        Raises:
+            FormatError: If the camera info does not fit the depth.
+        """
+        settings, camera = self._settings, self._camera(depth, cloud)
+        if cloud is not None:
+            return depth, camera, None
+        size = camera.width, camera.height
+        found = self._rectification(self.camera_info, size, settings.is_rectified)
+        if found is None:
+            return depth, camera, None
+        return found.depth(depth), found.camera, None if settings.is_color_rectified else found
+
+    def _color_camera(self, color: Any) -> tuple[Camera, Rectification | None]:
+        """Return the camera of a color image, once it is rectified, and how to do that.
+
+        If the image is compressed, only the camera info has its size.
 
         Raises:
             FormatError: If that says nothing of use.
         """
-        info = self.color_info
-        is_rectified = "rect" in self._settings.color_topic.rpartition("/")[2]
+        info, is_rectified = self.color_info, self._settings.is_color_rectified
         size = getattr(color, "width", info.width), getattr(color, "height", info.height)
-        return camera_of_info(info, *size, is_rectified)
+        found = self._rectification(info, size, is_rectified)
+        return (camera_of_info(info, *size, is_rectified) if found is None else found.camera), found
+
+    def _rectification(
+        self, info: Any, size: tuple[int, int], is_rectified: bool
+    ) -> Rectification | None:
+        """Return how to rectify images; what is to be said of it is logged once."""
+        found, said = rectification_of_info(info, *size, is_rectified)
+        if said and said not in self._said:
+            self._said.add(said)
+            self._log("warning" if found is None else "info", said)
+        return found
 
     def _geometry(
         self, message: Any

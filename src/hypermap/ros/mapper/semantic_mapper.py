@@ -140,7 +140,7 @@ class _Life:
         self._map_frame = clean_frame(settings.map_frame)
         self._statistics = Statistics()
         self._log = Throttle(port.log)
-        self._frames = FrameMaker(settings)
+        self._frames = FrameMaker(settings, port.log)
         self._said = ""
         self.outputs = LiveOutputs(port, settings, live_map, topics)
         self.outputs.set(values)

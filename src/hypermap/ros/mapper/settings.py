@@ -237,6 +237,11 @@ class LiveSettings:
         """Whether the depth images are rectified, as their name tells."""
         return "rect" in image_name(self.geometry_topic).rpartition("/")[2]
 
+    @property
+    def is_color_rectified(self) -> bool:
+        """Whether the color images are rectified, as their name tells."""
+        return "rect" in image_name(self.color_topic).rpartition("/")[2]
+
 
 def image_name(topic: str) -> str:
     """Return the image topic of which a compressed topic is the transport.
