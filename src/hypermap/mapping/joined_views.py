@@ -11,19 +11,21 @@ from numpy.typing import NDArray
 from hypermap._loops import loop
 from hypermap.core.arrays import IntArray
 from hypermap.mapping.columns import Column
+from hypermap.mapping.prepared_polygon import Box
 
 if TYPE_CHECKING:
     from hypermap.mapping.evidence_buffer import Evidence
 
-NEAR = 0.5
-"""How far the voting grid of an object usually is beyond each of its footprints, at most [m]."""
+_MARGIN = 0.25  # [m] around a voting grid, so that it may grow a little
+_NOWHERE = (np.inf, np.inf, -np.inf, -np.inf)
 
 
 class JoinedViews:
     """Arrays that grow by one piece of evidence at a time, and lose the oldest one.
 
     Whether a cell is in a visible area is decided by edges that cross its row, to its left. Of
-    each area, those edges are left out that do so for no cell within `NEAR` of the footprint's box.
+    each area, only edges are kept that do so in a box around the object; where consecutive ones
+    pass the box on its left, the straight line from the first to the last point does the same.
     """
 
     def __init__(self, items: Iterable[Evidence]) -> None:
@@ -31,6 +33,7 @@ class JoinedViews:
         self._edges = Column(np.empty((0, 5)))
         self._near = Column(np.empty((0, 5)))
         self._counts = Column(np.empty((0, 2), np.int64))
+        self._box: Box = _NOWHERE  # the one around the object
         for item in items:
             self.add(item)
 
@@ -46,7 +49,7 @@ class JoinedViews:
 
     @property
     def near(self) -> NDArray[np.float64]:
-        """The edges of all visible areas that matter near the footprints, shape (A, 5)."""
+        """The edges of all visible areas that matter in the box of `look_at`, shape (A, 5)."""
         return self._near.values
 
     @property
@@ -57,15 +60,27 @@ class JoinedViews:
         """
         return self._counts.values
 
+    def look_at(self, box: Box, items: Iterable[Evidence]) -> None:
+        """Let `near` and `counts` hold for a box.
+
+        Args:
+            box: xmin, ymin, xmax, ymax [m].
+            items: the pieces of evidence that were added and not removed.
+        """
+        left, bottom, right, top = self._box
+        if left <= box[0] and bottom <= box[1] and right >= box[2] and top >= box[3]:
+            return
+        self._box = box[0] - _MARGIN, box[1] - _MARGIN, box[2] + _MARGIN, box[3] + _MARGIN
+        self._near = Column(np.empty((0, 5)))
+        for row, item in enumerate(items):
+            self.counts[row, 1] = self._add_near(item)
+
     def add(self, item: Evidence) -> None:
         """Add one piece of evidence."""
-        footprint, area = item.prepared, item.prepared_area.edges
-        near = self._near.room_for(len(area))
-        count = _choose_near(area, footprint.box, near)
-        self._near.extend(count)
-        self._edges.room_for(len(footprint.edges))[:] = footprint.edges
-        self._edges.extend(len(footprint.edges))
-        self._counts.append((len(footprint.edges), count if len(area) else -1))
+        edges = item.prepared.edges
+        self._edges.room_for(len(edges))[:] = edges
+        self._edges.extend(len(edges))
+        self._counts.append((len(edges), self._add_near(item)))
         self._seen.append(item.seen)
 
     def remove_first(self) -> None:
@@ -76,26 +91,35 @@ class JoinedViews:
         self._counts.remove_first()
         self._seen.remove_first()
 
+    def _add_near(self, item: Evidence) -> int:
+        """Add to `near`, and return the number for `counts`."""
+        area = item.prepared_area.edges
+        if len(area) == 0:
+            return -1
+        count = int(_choose_near(area, self._box, self._near.room_for(len(area))))
+        self._near.extend(count)
+        return count
+
 
 @loop()
-def _choose_near(
-    edges: NDArray[np.float64],
-    box: tuple[float, float, float, float],
-    chosen: NDArray[np.float64],
-) -> int:
-    """Choose the edges of an area that matter near a footprint, and return how many there are.
+def _choose_near(edges: NDArray[np.float64], box: Box, chosen: NDArray[np.float64]) -> int:
+    """Choose the edges of an area that matter in a box, and return how many there are.
 
     Args:
         edges: of the area, as `PreparedPolygon.edges`.
-        box: of the footprint, xmin, ymin, xmax, ymax [m].
+        box: xmin, ymin, xmax, ymax [m].
         chosen: filled with them, shape (E, 5).
     """
-    bottom, right, top = box[1] - NEAR, box[2] + NEAR, box[3] + NEAR
-    count = 0
+    count, passes = 0, False  # whether the last one passes on the left
     for e in range(len(edges)):
         x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
-        if min(y0, y1) <= top and max(y0, y1) >= bottom and min(x0, x1) <= right:
-            for k in range(5):
-                chosen[count, k] = edges[e, k]
-            count += 1
+        if min(y0, y1) > box[3] or max(y0, y1) < box[1] or min(x0, x1) > box[2]:
+            continue
+        passed, passes = passes, max(x0, x1) < box[0]
+        if passed and passes and chosen[count - 1, 2] == x0 and chosen[count - 1, 3] == y0:
+            chosen[count - 1, 2], chosen[count - 1, 3] = x1, y1
+            continue
+        for k in range(5):
+            chosen[count, k] = edges[e, k]
+        count += 1
     return count

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray, IntArray
-from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
-from hypermap.mapping.joined_views import NEAR
+from hypermap.mapping.evidence_buffer import EvidenceBuffer
+from hypermap.mapping.prepared_polygon import Box
 from hypermap.mapping.stages import EvidenceConfig
 
 _MAX_CELLS_PER_SIDE = 128
@@ -57,25 +57,21 @@ def agreed_corners(
         moves,
     )
     grid = _voting_grid(box, config.vote_resolution)
-    area_edges, area_counts = views.near, views.counts
-    if not grid.is_within(views.seen):
-        area_edges, area_counts = _whole_areas(buffer.items, views.counts)
-    steps = np.zeros((2, grid.height, grid.width + 1))
-    corners = np.empty((4 * grid.height + 1, 2), np.int64)
+    views.look_at(grid.box, buffer.items)
+    corners = np.empty((4 * grid.height + 1, 2))
     count = _hull_of_votes(
         views.edges,
+        views.near,
         views.counts,
-        area_edges,
-        area_counts,
         weights,
         moves,
         grid.place,
-        steps,
+        np.zeros((2, grid.height, grid.width + 1)),
         (unbounded_votes, config.vote_share),
         np.empty(grid.height, np.int64),
         corners,
     )
-    return grid.points(corners[:count])
+    return corners[:count]
 
 
 @loop()
@@ -221,14 +217,6 @@ def _sort(rows: NDArray[np.float64], column: int, order: IntArray) -> None:
         order[place] = k
 
 
-def _whole_areas(
-    items: Sequence[Evidence], counts: IntArray
-) -> tuple[NDArray[np.float64], IntArray]:
-    """Return the edges of all visible areas, and their numbers as in `JoinedViews.counts`."""
-    edges = [evidence.prepared_area.edges for evidence in items]
-    return np.concatenate(edges), np.column_stack([counts[:, 0], [len(one) for one in edges]])
-
-
 class _VotingGrid(NamedTuple):
     """Cells of the floor: their number, and x and y of the first corner and the side [m]."""
 
@@ -236,32 +224,11 @@ class _VotingGrid(NamedTuple):
     height: int
     place: tuple[float, float, float]
 
-    def is_within(self, seen: NDArray[np.float64]) -> bool:
-        """Return whether no cell is farther than `NEAR` from a footprint, by `JoinedViews.seen`."""
+    @property
+    def box(self) -> Box:
+        """Its xmin, ymin, xmax and ymax [m]."""
         left, bottom, resolution = self.place
-        right, top = left + self.width * resolution, bottom + self.height * resolution
-        return bool(_is_within((bottom, right, top), seen))
-
-    def points(self, corners: IntArray) -> NDArray[np.float64]:
-        """Return where corners of cells, (col, row), are [m], shape (N, 2)."""
-        left, bottom, resolution = self.place
-        points: NDArray[np.float64] = corners * resolution + np.array([left, bottom])
-        return points
-
-
-@loop()
-def _is_within(grid: tuple[float, float, float], seen: NDArray[np.float64]) -> bool:
-    """Return whether a grid is near each footprint: `_VotingGrid.is_within`.
-
-    Args:
-        grid: its ymin, xmax and ymax [m].
-        seen: as `JoinedViews.seen`.
-    """
-    for i in range(len(seen)):
-        ymin, xmax, ymax = seen[i, 4] - NEAR, seen[i, 5] + NEAR, seen[i, 6] + NEAR
-        if not (ymin <= grid[0] and xmax >= grid[1] and ymax >= grid[2]):
-            return False
-    return True
+        return left, bottom, left + self.width * resolution, bottom + self.height * resolution
 
 
 def _voting_grid(box: Sequence[float], resolution: float) -> _VotingGrid:
@@ -279,24 +246,22 @@ def _voting_grid(box: Sequence[float], resolution: float) -> _VotingGrid:
 @loop()
 def _hull_of_votes(
     edges: NDArray[np.float64],
+    near: NDArray[np.float64],
     counts: IntArray,
-    area_edges: NDArray[np.float64],
-    area_counts: IntArray,
     weights: NDArray[np.float64],
     moves: NDArray[np.float64],
     place: tuple[float, float, float],
     steps: NDArray[np.float64],
     votes: tuple[float, float],
     ends: IntArray,
-    corners: IntArray,
+    corners: NDArray[np.float64],
 ) -> int:
     """Find the convex hull of the accepted cells, and return how many corners it has.
 
     Args:
-        edges: of all footprints, as `JoinedViews.edges`, as `counts`.
+        edges: of all footprints, as `JoinedViews.edges`, as `near` and `counts`.
+        near: likewise.
         counts: likewise.
-        area_edges: of all visible areas.
-        area_counts: likewise, shape (N, 2).
         weights: of the views, shape (N,).
         moves: translations of the footprints [m], shape (N, 2).
         place: of the grid, as in `_VotingGrid`.
@@ -304,12 +269,12 @@ def _hull_of_votes(
             cell, and of all votes on it.
         votes: those cast on all cells, and the share of all votes that a cell needs.
         ends: filled with the last accepted cell of each row, -1 for none, shape (height,).
-        corners: filled with them, (col, row), clockwise from the left one of the lowest back to
-            it, shape (4 height + 1, 2).
+        corners: filled with them [m], clockwise from the left one of the lowest back to it, shape
+            (4 height + 1, 2).
     """
     begin = count = int(np.int64(0))  # others would be compiled once more for a constant
     _add_steps(edges, counts, count, weights, moves, 1.0, place, steps[0])
-    _add_steps(area_edges, area_counts, count + 1, weights, moves, 0.0, place, steps[1])
+    _add_steps(near, counts, count + 1, weights, moves, 0.0, place, steps[1])
     height = steps.shape[1]
     for row in range(height):  # up the left side
         left, ends[row] = _accepted(steps, row, votes)
@@ -324,11 +289,14 @@ def _hull_of_votes(
     if count:
         corners[count, 0], corners[count, 1] = corners[0, 0], corners[0, 1]
         count += 1
+    for corner in range(count):  # from cells to meters
+        for axis in range(2):
+            corners[corner, axis] = corners[corner, axis] * place[2] + place[axis]
     return count
 
 
 @inner_loop()
-def _with_corner(corners: IntArray, count: int, begin: int, col: int, row: int) -> int:
+def _with_corner(corners: NDArray[np.float64], count: int, begin: int, col: int, row: int) -> int:
     """Add a corner to a chain that only turns right, and return the number of corners.
 
     Args:
@@ -391,8 +359,9 @@ def _add_steps(
             begins = y1 < y0  # going down, the inside is to the right
             first_row = max(int(np.ceil(min(y0, y1))), 0)
             last_row = min(int(np.ceil(max(y0, y1))), height)
+            slope = (x1 - x0) / (y1 - y0)
             for row in range(first_row, last_row):
-                x = x0 + (row - y0) * (x1 - x0) / (y1 - y0)
+                x = x0 + (row - y0) * slope
                 col = min(max(int(np.ceil(x)), 0), width)
                 steps[row, col] += weight if begins else -weight
 
