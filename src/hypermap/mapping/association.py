@@ -51,8 +51,10 @@ def overlap(
     matches = []
     for row in rows:
         other = tracks.polygons[row]
+        if other is shape:
+            shared = shape.area
         # Buffering a shape takes longer than everything else here.
-        if other.area > shape.area:
+        elif other.area > shape.area:
             shared = shared_area(shape, other.cached(_widened, config.slack))
         else:
             shared = shared_area(other, shape.cached(_widened, config.slack))
@@ -84,7 +86,7 @@ ASSOCIATIONS: Mapping[str, Association] = {
 
 def _overlaps(one: PreparedPolygon, other: PreparedPolygon, least: float) -> bool:
     """Return whether two shapes match without slack."""
-    shared = shared_area(one, other)
+    shared = one.area if one is other else shared_area(one, other)
     return shared > 0 and shared >= least * min(one.area, other.area)
 
 

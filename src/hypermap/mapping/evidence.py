@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Collection, Mapping
+from operator import itemgetter
 
 import numpy as np
 import shapely
@@ -239,17 +240,22 @@ class EvidenceMap:
         """
         if self.config.slip >= 1:
             return None
-        class_, shapes, objects = self._classes.get(name), self._tracks.shapes, self._tracks.objects
-        rows = shapes.near(None, evidence.prepared.box)
-        ious = footprint_ious(evidence.prepared, (evidence.z_min, evidence.z_max), shapes, rows)
-        actual, best = None, 0.0
-        for row, iou in zip(rows, ious, strict=True):
-            if shapes.classes[row] == class_:
-                if iou >= self.config.slip / 2:
-                    return None
-            elif objects[row].buffer.count >= CONFIRMED and iou > best and self._is_there(row):
-                actual, best = objects[row].id, iou
-        return actual if best >= self.config.slip else None
+        shapes, objects, shape = self._tracks.shapes, self._tracks.objects, evidence.prepared
+        rows, heights = shapes.near(None, shape.box), (evidence.z_min, evidence.z_max)
+        others = [row for row in rows if objects[row].name != name]
+        if not others:
+            return None
+        own = [row for row in rows if objects[row].name == name]
+        if any(iou >= self.config.slip / 2 for iou in footprint_ious(shape, heights, shapes, own)):
+            return None
+        others = [row for row in others if objects[row].buffer.count >= CONFIRMED]
+        ious = footprint_ious(shape, heights, shapes, others)
+        enough = [
+            (iou, row)
+            for iou, row in zip(ious, others, strict=True)
+            if iou >= self.config.slip and iou > 0 and self._is_there(row)
+        ]
+        return objects[max(enough, key=itemgetter(0))[1]].id if enough else None
 
     def _add(self, name: str, evidence: Evidence) -> int:
         """Add evidence to an existing or new track, and return the track's id."""
@@ -347,7 +353,8 @@ class EvidenceMap:
         rows = sorted(row for row in rows if self._may_be(row))
         if self.config.moves:
             published = self._as_published()
-            rows.sort(key=lambda row: not published.is_probable(row))
+            first = next((row for row in rows if published.is_probable(row)), rows[0])
+            rows = [first, *(row for row in rows if row != first)]
         if not self._edited:
             return rows
         edited = [row for row in rows if self._tracks.objects[row].by_hand is not None]

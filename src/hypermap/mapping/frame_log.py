@@ -199,10 +199,12 @@ def _unpacked_view(
         return None
     height, width = facts["size"]
     camera = _camera(tuple(map(tuple, facts["K"])), int(width), int(height))
-    low, high = arrays["reach"].reshape(2, -1).astype(np.uint16)
-    flat = (low | high << 8).astype("<u2").view("<f2")
+    low, high = arrays["reach"].reshape(2, -1).astype("<u2")
+    high <<= 8
+    high |= low
     farthest = np.inf if facts["max_range"] is None else float(facts["max_range"])
-    return DepthView(camera, pose, flat.reshape(height, width).astype(np.float32), farthest)
+    reach = high.view("<f2").reshape(height, width).astype(np.float32)
+    return DepthView(camera, pose, reach, farthest)
 
 
 @lru_cache(maxsize=4)
@@ -227,7 +229,7 @@ def _unpacked_cells(shape: list[int] | None, arrays: _Arrays) -> SeenCells | Non
     if np.abs(first.astype(np.float64)).max() > FARTHEST_CELL:
         raise ValueError(f"a cell is more than {FARTHEST_CELL:g} cells away")
     bits = np.unpackbits(arrays["cells"], count=2 * height * width)
-    is_hit, is_free = bits.reshape(2, height, width).astype(bool)
+    is_hit, is_free = bits.view(np.bool_).reshape(2, height, width)
     return SeenCells(first, is_hit, is_free)
 
 

@@ -13,6 +13,7 @@ from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.occlusion import visible_shares
 from hypermap.mapping.prepared_polygon import shared_area
 from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation
@@ -39,12 +40,13 @@ def penalize_missed(
         observed: the ids of the tracks that the frame showed.
         config: the occlusion test, and the costs of misses.
     """
+    shown = tracks.rows_of(observed)
     if config.sight == "rays" and observation.view is not None:
-        _penalize_by_rays(tracks, observation.stamp, observation.view, observed, config)
+        _penalize_by_rays(tracks, observation.stamp, observation.view, shown, config)
     else:
-        _penalize_by_area(tracks, observation, observed, config)
+        _penalize_by_area(tracks, observation, shown, config)
     if config.contested > 0:
-        _penalize_conflicts(tracks, observed, config)
+        _penalize_conflicts(tracks, shown, config)
 
 
 def prune(tracks: TrackTable, config: EvidenceConfig) -> list[Track]:
@@ -55,6 +57,8 @@ def prune(tracks: TrackTable, config: EvidenceConfig) -> list[Track]:
     """
     below = config.forget_below
     rows = np.flatnonzero(tracks.existence < below).tolist()
+    if not rows:  # the usual case
+        return []
     kept = {row for row in rows if tracks.objects[row].by_hand is not None}
     if config.moves and len(kept) < len(rows):
         kept |= _newest_gone(tracks, below)
@@ -81,17 +85,19 @@ def _penalize_by_rays(
     tracks: TrackTable,
     stamp: float,
     view: DepthView,
-    observed: Set[int],
+    shown: Rows,
     config: EvidenceConfig,
 ) -> None:
     """Lower the existence of tracks by the rays of a frame: misses and see-throughs."""
     near = tracks.shapes.within(_EVERYWHERE, view.position[:2], config.max_range)
-    rows = tracks.excluding(near, observed)
+    rows = [row for row in near if row not in shown]
     samples = tracks.shapes.samples(rows)
     seen = visible_shares(view, samples, tracks.shapes.heights[rows], config.tolerance)
-    shown = tracks.rows_of(observed)
+    is_missed = seen.visible >= _VISIBLE
+    if not is_missed.any():
+        return
     is_absent, is_gone = (share >= _ABSENT * seen.visible for share in (seen.through, seen.beyond))
-    for i in np.flatnonzero(seen.visible >= _VISIBLE).tolist():
+    for i in np.flatnonzero(is_missed).tolist():
         buffer, spared = tracks.objects[rows[i]].buffer, 0.0
         if stamp - buffer.last_seen > STALE:
             loss = config.stale_loss if is_gone[i] else config.loss
@@ -160,7 +166,7 @@ def _is_part_of_one(tracks: TrackTable, row: int, others: Sequence[int]) -> bool
 
 
 def _penalize_by_area(
-    tracks: TrackTable, observation: Observation, observed: Set[int], config: EvidenceConfig
+    tracks: TrackTable, observation: Observation, shown: Rows, config: EvidenceConfig
 ) -> None:
     """Lower the existence of tracks within the visible area of a frame."""
     area = observation.visible_area
@@ -171,19 +177,19 @@ def _penalize_by_area(
     camera = observation.map_T_camera[:2, 3]
     rows = tracks.shapes.within(area.bounds, camera, config.max_range)
     if config.loses == "unmatched":
-        rows = tracks.excluding(rows, observed)
+        rows = [row for row in rows if row not in shown]
     shapely.prepare(area)
     is_covered = shapely.covers(area, tracks.shapes.geometries(rows))
     for i in np.flatnonzero(is_covered):
         tracks.change_existence(rows[i], -config.loss)
 
 
-def _penalize_conflicts(tracks: TrackTable, observed: Set[int], config: EvidenceConfig) -> None:
+def _penalize_conflicts(tracks: TrackTable, shown: Rows, config: EvidenceConfig) -> None:
     """Lower the existence of tracks in whose place the frame shows another class (conflicts)."""
     shapes = tracks.shapes
-    for row in tracks.rows_of(observed):
+    for row in shown:
         shape, (low, high) = shapes.polygons[row], shapes.heights[row].tolist()
-        near = tracks.excluding(shapes.near(None, shape.box), observed)
+        near = [other for other in shapes.near(None, shape.box) if other not in shown]
         near = [other for other in near if shapes.classes[other] != shapes.classes[row]]
         for other, ious in zip(near, footprint_ious(shape, (low, high), shapes, near), strict=True):
             if ious >= config.min_contested:

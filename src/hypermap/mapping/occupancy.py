@@ -67,10 +67,10 @@ class OccupancyMapper:
         """
         if seen is None:
             return _nothing
-        shape = np.array(seen.is_hit.shape)
-        self._cover(seen.first, seen.first + shape - 1)
-        row, col = seen.first - self._first
-        window = self._log_odds[row : row + shape[0], col : col + shape[1]]
+        height, width = seen.is_hit.shape
+        self._cover(seen.first, np.add(seen.first, [height - 1, width - 1]))
+        row, col = (seen.first - self._first).tolist()
+        window = self._log_odds[row : row + height, col : col + width]
         changes = self.config.hit, -self.config.miss
         clamps = self.config.min_log_odds, self.config.max_log_odds
         return partial(_change, window, seen.is_hit, seen.is_free, changes, clamps)
@@ -173,10 +173,11 @@ class OccupancyMapper:
 
     def _cover(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> None:
         """Grow the grid to cover the cells of the map frame from first to last."""
-        end = self._first + self._log_odds.shape
+        (bottom, left), (height, width) = self._first.tolist(), self._log_odds.shape
+        end = bottom + height, left + width
         if self._log_odds.size == 0:
             new_first, new_end = first, last + 1
-        elif (first >= self._first).all() and (last < end).all():
+        elif first[0] >= bottom and first[1] >= left and last[0] < end[0] and last[1] < end[1]:
             return
         else:
             new_first, new_end = np.minimum(first, self._first), np.maximum(last + 1, end)

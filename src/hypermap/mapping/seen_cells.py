@@ -94,8 +94,8 @@ def _move(
     for row in range(hit_after.shape[0]):
         for col in range(hit_after.shape[1]):
             x, y = col + 0.5, row + 0.5
-            old_col = int(np.floor(turn[0] * x + turn[1] * y + begin[0]))
-            old_row = int(np.floor(turn[0] * y - turn[1] * x + begin[1]))
+            old_col = turn[0] * x + turn[1] * y + begin[0]
+            old_row = turn[0] * y - turn[1] * x + begin[1]
             if 0 <= old_row < height and 0 <= old_col < width:
-                hit_after[row, col] = is_hit[old_row, old_col]
-                free_after[row, col] = is_free[old_row, old_col]
+                hit_after[row, col] = is_hit[int(old_row), int(old_col)]
+                free_after[row, col] = is_free[int(old_row), int(old_col)]
