@@ -7,6 +7,7 @@ probable the size of the object is. A depth image measures it, so wide limits do
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from types import MappingProxyType
 
 from hypermap.mapping.evidence_buffer import Evidence
@@ -101,7 +102,7 @@ def has_usual_size(name: str, evidence: Evidence) -> bool:
         name: the class. A class that is not in `CLASS_SIZES` may have any size.
         evidence: the observation.
     """
-    limits = CLASS_SIZES.get(name.replace(" ", "").lower())
+    limits = CLASS_SIZES.get(_key(name))
     if limits is None:
         return True
     xmin, ymin, xmax, ymax = evidence.prepared.box
@@ -116,5 +117,10 @@ def is_at_usual_height(name: str, evidence: Evidence) -> bool:
         name: the class. A class that is not in `CLASS_LOWEST` may be anywhere.
         evidence: the observation.
     """
-    highest = CLASS_LOWEST.get(name.replace(" ", "").lower())
+    highest = CLASS_LOWEST.get(_key(name))
     return highest is None or not highest < evidence.z_min < _OTHER_FLOOR
+
+
+@lru_cache
+def _key(name: str) -> str:
+    return name.replace(" ", "").lower()
