@@ -23,13 +23,13 @@ from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.class_sizes import is_usual
 from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.evidence_buffer import CONFIRMED, Evidence, FoundEvidence, evidence_from
-from hypermap.mapping.footprint_iou import at_same_height, footprint_ious
+from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.fusion import FUSIONS
+from hypermap.mapping.merge_rules import MergeRules
 from hypermap.mapping.missed_detections import penalize_missed, prune
 from hypermap.mapping.moved import GONE, find_moves, moved_within_place
 from hypermap.mapping.protection import protected
 from hypermap.mapping.published import PublishedTracks
-from hypermap.mapping.seen_sizes import may_be_one
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable, are_two
@@ -38,7 +38,6 @@ from hypermap.perception.observation import Observation, ObservedObject
 _log = logging.getLogger(__name__)
 
 _SURELY_TWO = 0.5  # share of the frames with one track that show another object, too
-_SAME_PLACE = 0.5  # Jaccard index from which two published footprints are one object
 
 
 class EvidenceMap:
@@ -314,8 +313,8 @@ class EvidenceMap:
         return max(zip(ious, [first, *rows], strict=True), key=lambda found: found[0])[1]
 
     def _merge(self, rows: Rows) -> int:
-        """Merge tracks into the first of `_mergeable` and return its row."""
-        row, *others = self._mergeable(rows)
+        """Merge tracks into the one that is to be kept, and return its row."""
+        row, *others = self._merge_rules().mergeable(rows)
         if others:
             track = self._touch(row)
             track.buffer.merge(self._tracks.objects[other].buffer for other in others)
@@ -328,6 +327,28 @@ class EvidenceMap:
             self._tracks.remove(others)
             (row,) = self._tracks.rows_of([track.id])
         return row
+
+    def _merge_overlapping(self, row: int) -> int:
+        """Merge a track with those that its fused shape matches, until there are none."""
+        while True:
+            shape, class_ = self._tracks.shapes.polygons[row], int(self._tracks.shapes.classes[row])
+            matches = self._associate(shape, class_, self._tracks.shapes, self.config)
+            if len(matches) > 1 and self.config.exclusive:
+                matches = [one for one in matches if one == row or self._are_one(row, one)]
+            if len(matches) > 1 and self._edited:
+                matches = self._merge_rules().mergeable(matches)
+                matches = matches if row in matches else []
+            if len(matches) <= 1:  # it matches itself
+                return row
+            row = self._merge(matches)
+            self._refresh_shape(row)
+
+    def _are_one(self, row: int, match: int) -> bool:
+        """Return whether a track and one that it matches may be one object."""
+        return not self._is_remembered(match) and self._merge_rules().are_one(row, match)
+
+    def _merge_rules(self) -> MergeRules:
+        return MergeRules(self._as_published(), self._observed)
 
     def _may_be(self, row: int) -> bool:
         """Return whether a track may exist: not if it was deleted by hand."""
@@ -343,76 +364,6 @@ class EvidenceMap:
     def _is_there(self, row: int) -> bool:
         """Return whether a track may exist and is not gone."""
         return self._may_be(row) and self._tracks.existence[row] > self.config.forget_below
-
-    def _mergeable(self, rows: Rows) -> Rows:
-        """Return the rows that may be merged; the first one is kept.
-
-        This is the oldest, but tracks edited by hand come before published ones, whose ids people
-        may know, and these before others. Of those edited by hand, at most one is returned.
-        """
-        rows = sorted(row for row in rows if self._may_be(row))
-        if self.config.moves:
-            published = self._as_published()
-            first = next((row for row in rows if published.is_probable(row)), rows[0])
-            rows = [first, *(row for row in rows if row != first)]
-        if not self._edited:
-            return rows
-        edited = [row for row in rows if self._tracks.objects[row].by_hand is not None]
-        return [*edited[:1], *(row for row in rows if row not in edited)]
-
-    def _merge_overlapping(self, row: int) -> int:
-        """Merge a track with those that its fused shape matches, until there are none."""
-        while True:
-            shape, class_ = self._tracks.shapes.polygons[row], int(self._tracks.shapes.classes[row])
-            matches = self._associate(shape, class_, self._tracks.shapes, self.config)
-            if self.config.exclusive:
-                matches = [one for one in matches if self._may_merge(row, one)]
-            if self._edited:
-                matches = self._mergeable(matches)
-                matches = matches if row in matches else []
-            if len(matches) <= 1:  # it matches itself
-                return row
-            row = self._merge(matches)
-            self._refresh_shape(row)
-
-    def _may_merge(self, row: int, match: int) -> bool:
-        """Return whether two tracks may be merged: not if many frames show both.
-
-        A few frames may show one object in two parts, if the tracks fill the same space. If any
-        frame shows both, they must together be no larger than one object is seen to be.
-        """
-        if row == match:
-            return True
-        if self._is_remembered(match):
-            return False
-        one, other = self._tracks.objects[row], self._tracks.objects[match]
-        if other.id in self._observed:
-            return False
-        shown_together = one.co_occurrences[other.id]
-        few = shown_together < CONFIRMED
-        if are_two(one, other) and not (few and self._fill_one_place(row, match)):
-            return False
-        return shown_together == 0 or self._is_of_one(row, match)
-
-    def _is_of_one(self, row: int, match: int) -> bool:
-        """Return whether two tracks together are no larger than one object is seen to be."""
-        objects, shapes = self._tracks.objects, self._tracks.shapes
-        name = objects[row].name
-        return may_be_one(
-            (objects[row], shapes.polygons[row]),
-            (objects[match], shapes.polygons[match]),
-            (track for track in objects if track.name == name),
-            self.config.max_growth,
-        )
-
-    def _fill_one_place(self, row: int, match: int) -> bool:
-        """Return whether two tracks would be published in the same place."""
-        heights = [self._tracks.objects[one].buffer.heights() for one in (row, match)]
-        if not at_same_height(*heights):
-            return False
-        one, other = map(self._as_published().footprint, (row, match))
-        shared = shapely.area(shapely.intersection(one, other))
-        return bool(shared >= _SAME_PLACE * (one.area + other.area - shared))
 
     def _count_co_occurrences(self) -> None:
         """Count the co-occurrences of tracks of one class in this frame."""
