@@ -228,6 +228,38 @@ def test_a_thing_that_touches_another_is_found_behind_what_fills_little_of_its_b
     assert cut(np.roll(depth, -left, axis=1), [box_of(np.roll(jar, -left, axis=1))]) == {}
 
 
+def test_a_thing_that_touches_another_is_found_behind_what_is_scattered_over_its_box() -> None:
+    left_jar, right_jar = (-0.1, 0.1, 1.9, 0.1, 0.2995, 1.98), (0.1, 0.1, 1.91, 0.3, 0.2995, 1.99)
+    depth, shown = look(TABLE, left_jar, right_jar)
+    left, top, right, bottom = (int(end) for end in box_of(shown == 1))
+    steps = range(0, min(right - left, bottom - top), 2)
+    for step in steps:
+        depth[top + step, left + step] = 1.5
+    assert len(steps) < 0.05 * np.count_nonzero(shown == 1)
+    (found,) = cut(depth, [[left, top, right, bottom]]).values()
+    assert shares(found, shown == 1) == pytest.approx((1, 1), abs=0.1)
+
+
+def test_front_and_back_of_a_bowl_are_one_thing_and_a_box_farther_behind_is_not() -> None:
+    front = (-0.15, 0.10, 1.0, 0.15, 0.25, 1.02)
+    for behind, is_part in ((1.15, True), (1.3, False)):
+        back = (-0.15 * behind, -0.04 * behind, behind, 0.15 * behind, 0.2, behind + 0.02)
+        depth, shown = look(FLOOR, WALL, front, back)
+        (found,) = cut(depth, [box_of(shown >= 2)]).values()
+        assert [shares(found, shown == part)[0] > 0.9 for part in (2, 3)].count(True) == 1 + is_part
+
+
+def test_things_before_one_another_are_apart_by_less_where_the_camera_is_near() -> None:
+    def surfaces_of(depth: float) -> int:
+        image = np.full((HEIGHT, WIDTH), np.nan, np.float32)
+        image[100:106, 100:140], image[106:112, 100:140] = depth, depth - 0.025
+        surfaces = find_surfaces(image, np.isfinite(image), CAMERA, PerceptionConfig())
+        return len(surfaces.sizes)
+
+    assert surfaces_of(0.6) == 2  # as wide as 11 pixels
+    assert surfaces_of(1.6) == 1  # as wide as 4 pixels: may be a slope
+
+
 def test_a_box_with_nothing_but_background_of_several_surfaces_has_no_object() -> None:
     depth, shown = look(FLOOR, WALL)
     corner = np.flatnonzero(shown[:, 50] == 0)[0]  # the first row of the floor

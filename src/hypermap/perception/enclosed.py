@@ -24,6 +24,10 @@ SPECK = 8  # smaller surfaces, in pixels, are noise at the edges of others
 FLAT_SHARE = 0.8  # of a box that shows only one plane
 MAIN_SHARE = 0.1  # of the pixels of the largest surface: a main part of an object
 BETTER = 0.2  # more intersection over union with the box: surfaces that fit it clearly better
+WHOLE = 0.8  # intersection over union with the box of surfaces that are all of an object
+SOLID = 0.3  # of the pixels in its box: what an object fills that is as deep as it is wide
+DEEP = 0.65  # of its box's larger side between the parts of such an object, a bowl's front and back
+SCATTERED = 0.05  # of the pixels in a box: what is less may be the noise of other surfaces
 
 
 def cut_out(
@@ -60,7 +64,7 @@ def cut_out(
     for number in by_size:
         owner[is_enclosed[number]] = number  # smaller ones come later
     measured = [len(pixels) + more for pixels, more in zip(objects, farther, strict=True)]
-    cut, is_again = [], []
+    cut, is_again, scattered = [], [], dict[int, IntArray]()
     for number, (pixels, box) in enumerate(zip(objects, boxes, strict=True)):
         is_chosen = np.zeros(len(owner), dtype=bool)
         if (own := np.flatnonzero(owner == number)).size:
@@ -70,10 +74,12 @@ def cut_out(
         found = np.empty(len(pixels), np.int64)
         found = found[: _choose(surfaces.labels.ravel(), pixels, is_chosen, found)]
         cut.append(_if_fitting(found, box, measured[number], valid.shape, config.min_fit))
+        if 0 < len(cut[number]) < SCATTERED * len(pixels):  # it is the object if no piece is
+            scattered[number], cut[number] = found, found[:0]
         is_again.append(len(cut[number]) < len(found))  # then a piece must fit, too
     for place, number in enumerate(by_size if config.max_cut > 0 else ()):
         box = boxes[number]
-        if len(cut[number]) > 0 or (is_again[number] and _at_border(box, valid.shape)):
+        if len(cut[number]) > 0 or (is_again[number] and _at_border(box, camera)):
             continue
         is_free = is_thing & ~np.isin(owner, by_size[place:])  # from the smaller boxes
         sizes = np.where(is_free, inside[number].sizes, 0)
@@ -86,6 +92,8 @@ def cut_out(
             cut[number] = _if_fitting(piece, box, measured[number], valid.shape, least)
             for larger in by_size[:place]:
                 cut[larger] = np.setdiff1d(cut[larger], cut[number], assume_unique=True)
+    for number, found in scattered.items():
+        cut[number] = cut[number] if len(cut[number]) else found
     return cut
 
 
@@ -119,10 +127,10 @@ def _if_fitting(
     return found if extent >= least * area else found[:0]
 
 
-def _at_border(box: NDArray[np.float32], shape: tuple[int, ...]) -> bool:
+def _at_border(box: NDArray[np.float32], camera: Camera) -> bool:
     """Return whether a box ends at the border of an image, beyond which its thing may continue."""
     left, top, right, bottom = box.tolist()
-    return bool(min(left, top, shape[1] - right, shape[0] - bottom) <= 1)
+    return bool(min(left, top, camera.width - right, camera.height - bottom) <= 1)
 
 
 class _Inside:
@@ -153,17 +161,28 @@ def _together(
 ) -> IntArray:
     """Return the surface that fits the box best, and the others at about the same depth.
 
-    Those at another depth are the object instead if together they fit the box clearly better, as
-    the two ends of a thing whose middle is hidden. Nearer ones must also be the larger part of it.
+    A solid object may be as deep as it is wide: parts farther apart are one, as front and back of a
+    bowl, if only together they fill the box. Those at another depth are the object instead if
+    together they fit the box clearly better, as the two ends of a thing whose middle is hidden.
+    Nearer ones must also be the larger part of it.
     """
     extents, sizes, depths = inside.extents[own], inside.sizes[own], inside.depths[own]
     width, height = (box[2] - box[0]) / camera.K[0, 0], (box[3] - box[1]) / camera.K[1, 1]
-    max_offset = config.max_offset * max(width, height)
+    size = max(width, height)
+    max_offset = config.max_offset * size
     main = np.argmax(_iou(extents, box))
     usual = np.abs(depths - depths[main]) <= max_offset * depths[main]
     if usual.all():
         return own
     fit = _iou(_extent(extents, usual[np.newaxis]), box)[0]
+    deep = np.abs(depths - depths[main]) <= DEEP * size * depths[main]
+    if (
+        sizes[deep & ~usual].sum() >= MAIN_SHARE * sizes[usual].sum()
+        and sizes[deep].sum() >= SOLID * inside.sizes.sum()
+        and _iou(_extent(extents, deep[np.newaxis]), box)[0] > max(fit + BETTER, WHOLE)
+        and not _at_border(box, camera)
+    ):
+        return np.asarray(own[deep])
     mains = depths[sizes >= MAIN_SHARE * sizes.max(), np.newaxis]
     others = np.abs(depths - mains) <= max_offset * mains
     is_likely = (mains[:, 0] > depths[main]) | (others @ sizes > sizes[usual].sum())

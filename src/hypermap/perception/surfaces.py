@@ -18,6 +18,7 @@ from hypermap.perception.frame import Camera
 from hypermap.perception.planes import UNFIT, find_planes
 
 SAME = 4.0  # standard deviations of the noise by which two pixels may differ beyond `max_gap`
+STEEP = 8.0  # slope, depth per width, at which neighbors may still be on one surface: 83 degrees
 REACH = 2  # rows and columns between pixels of one surface, as edges often lose a pixel
 LOST = 4  # pixels without depth across which two regions still border on each other
 UNSURE = 0.1  # weight of an end behind what is nearer on the other side of a wider gap
@@ -59,14 +60,17 @@ def find_surfaces(
     disparity = np.empty((height, width), np.float32)
     _invert(depth, valid, disparity)
     labels, planes = find_planes(disparity, camera, config)
-    tolerance = SAME * config.depth_noise
+    thresholds = (
+        config.max_gap,
+        STEEP / min(camera.K[0, 0], camera.K[1, 1]),
+        SAME * config.depth_noise,
+    )
     count = _label_rest(
         disparity.ravel(),
         labels.ravel(),
         width,
         planes,
-        config.max_gap,
-        tolerance,
+        thresholds,
         starts=np.empty(disparity.size, np.int32),
         ends=np.empty(disparity.size, np.int32),
         roots=np.empty(disparity.size, np.int32),
@@ -75,7 +79,6 @@ def find_surfaces(
     # The last one, index -1, is for pixels on no surface.
     sizes, near, far = np.zeros(count + 1, np.int64), np.zeros(count + 1), np.zeros(count + 1)
     above, farthest = np.full(width, -1, np.int32), np.float32(config.max_depth)
-    thresholds = config.max_gap, tolerance
     _measure(depth, disparity, labels, farthest, above, sizes, near, far, thresholds)
     sizes, near, far = sizes[:count], near[:count], far[:count]
     ends = near + far
@@ -98,9 +101,13 @@ def _invert(depth: NDArray[np.float32], valid: BoolArray, disparity: NDArray[np.
 
 
 @inner_loop()
-def _is_near(one: float, other: float, max_gap: float, tolerance: float) -> bool:
-    """Return whether two depths, given as disparities, differ by less than gap plus noise."""
-    return abs(one - other) < max_gap * one * other + tolerance
+def _is_near(one: float, other: float, max_gap: float, steep: float, tolerance: float) -> bool:
+    """Return whether two depths, given as disparities, may be of neighbors on one surface.
+
+    They differ by less than the gap, and by less than on the steepest surface, plus noise. From
+    near, a step of a centimeter between two things is many times wider than their pixels.
+    """
+    return abs(one - other) < min(max_gap * one * other, steep * min(one, other)) + tolerance
 
 
 @loop()
@@ -109,8 +116,7 @@ def _label_rest(
     flat_labels: NDArray[np.int32],
     width: int,
     first: int,
-    max_gap: float,
-    tolerance: float,
+    thresholds: tuple[float, float, float],
     starts: NDArray[np.int32],
     ends: NDArray[np.int32],
     roots: NDArray[np.int32],
@@ -130,7 +136,7 @@ def _label_rest(
             if flat_labels[pixel] != UNFIT or pixels[pixel] == 0:
                 continue
             one, other = pixels[pixel - 1], pixels[pixel]
-            if pixel != end or not _is_near(one, other, max_gap, tolerance):
+            if pixel != end or not _is_near(one, other, *thresholds):
                 roots[count], starts[count] = count, pixel
                 count += 1
             ends[count - 1] = end = pixel + 1
@@ -149,8 +155,7 @@ def _label_rest(
                         (starts[run], ends[run]),
                         (starts[other], ends[other]),
                         above,
-                        max_gap,
-                        tolerance,
+                        thresholds,
                     ):
                         roots[max(one_root, other_root)] = min(one_root, other_root)
     label = first
@@ -180,8 +185,7 @@ def _are_connected(
     run: tuple[int, int],
     other: tuple[int, int],
     above: int,
-    max_gap: float,
-    tolerance: float,
+    thresholds: tuple[float, float, float],
 ) -> bool:
     """Return whether a pixel of a run is near one of another run, up to `REACH` columns apart.
 
@@ -190,15 +194,14 @@ def _are_connected(
         run: where it begins and ends.
         other: where the other one begins and ends.
         above: by how many pixels the other run's row comes before.
-        max_gap: as in the configuration [m].
-        tolerance: what is noise [1/m].
+        thresholds: as in `_measure`.
     """
     for pixel in range(
         max(run[0], other[0] + above - REACH), min(run[1], other[1] + above + REACH)
     ):
         neighbor = pixel - above
         for near in range(max(neighbor - REACH, other[0]), min(neighbor + REACH + 1, other[1])):
-            if _is_near(pixels[pixel], pixels[near], max_gap, tolerance):
+            if _is_near(pixels[pixel], pixels[near], *thresholds):
                 return True
     return False
 
@@ -213,7 +216,7 @@ def _measure(
     sizes: IntArray,
     near: NDArray[np.float64],
     far: NDArray[np.float64],
-    thresholds: tuple[float, float],
+    thresholds: tuple[float, float, float],
 ) -> None:
     """Count the pixels of each surface, and how often it ends in front of and behind another one.
 
@@ -230,7 +233,8 @@ def _measure(
         sizes: zeros, shape (N + 1,); the last one counts pixels on no surface.
         near: zeros, shape (N + 1,): ends in front of something farther.
         far: zeros, shape (N + 1,): ends behind something nearer.
-        thresholds: `max_gap` as in the configuration [m], and what is noise [1/m].
+        thresholds: `max_gap` as in the configuration [m], the steepest slope per pixel [1],
+            and what is noise [1/m].
     """
     height, width = disparity.shape
     for row in range(height):
@@ -271,7 +275,7 @@ def _end(
     other_label: np.int32,
     other_d: float,
     is_wide: bool,
-    thresholds: tuple[float, float],
+    thresholds: tuple[float, float, float],
 ) -> None:
     """Count which surface ends in front of the other and which behind, if both end here."""
     if label != other_label and not _is_near(d, other_d, *thresholds):
