@@ -60,6 +60,7 @@ def test_the_command_prints_and_saves_the_figures(
         worlds="demo",
         methods="all",
         added=(),
+        exact=False,
         parts="all",
         seeds=1,
         drives=2,

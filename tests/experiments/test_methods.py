@@ -16,7 +16,7 @@ from hypermap.experiments.installed_methods import (
     InstalledMethod,
     installed_names,
 )
-from hypermap.experiments.methods import chosen_methods, named_method, settings_of
+from hypermap.experiments.methods import OURS, chosen_methods, named_method, settings_of
 from hypermap.mapping.config import MappingConfig, profile
 from hypermap.mapping.stages import KeyframeConfig
 from hypermap.simulation import errors_of_level
@@ -106,6 +106,20 @@ def drive() -> SimulatedDrive:
         drive=DrivePlan(((0.5, 2), (0.7, 2)), speed=0.2),
     )
     return SimulatedDrive(world, 3, errors_of_level("none"), 1.0)
+
+
+def test_the_methods_of_the_thesis_may_cut_out_exactly_as_pcl_does() -> None:
+    exact, fast = chosen_methods("all", exact=True), chosen_methods("all")
+    for name, method in exact.items():
+        assert isinstance(method, MappingConfig)
+        assert method.perception.method == ("enclosed" if name == OURS else "unorganised")
+    assert exact[OURS] == fast[OURS]
+    name = "best shape, overlap"
+    world = replace(drive().world, drive=DrivePlan(((0.5, 2), (1.3, 2)), speed=0.2))
+    mapped = map_drive(replace(drive(), world=world), {"exact": exact[name], "fast": fast[name]})
+    (one,), (other,) = mapped.objects["exact"], mapped.objects["fast"]
+    assert one.name == other.name == "table"
+    assert one.footprint.intersection(other.footprint).area > 0.9 * other.footprint.area
 
 
 def test_a_file_is_a_method_with_its_name_and_what_differs(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ DRIVES = 5
 _HAVE = {
     "--methods": ("thesis",),
     "--method": ("thesis", "ablation"),
+    "--exact": ("thesis",),
     "--parts": ("ablation",),
     "--network": ("thesis", "ablation"),
     "--drives": ("days",),
@@ -42,6 +43,7 @@ class Plan:
         worlds: words with commas between them.
         methods: beginnings of names with commas between them, or "all".
         added: further methods, by file or name.
+        exact: whether the methods of the thesis find the regions of PCL exactly.
         parts: beginnings of names with commas between them, or "all", for `ablation`.
         seeds: how many.
         drives: in a series, for `days`.
@@ -57,6 +59,7 @@ class Plan:
     worlds: str
     methods: str
     added: tuple[str, ...]
+    exact: bool
     parts: str
     seeds: int
     drives: int
@@ -72,6 +75,7 @@ class Plan:
         given = {
             "--methods": self.methods != "all",
             "--method": bool(self.added),
+            "--exact": self.exact,
             "--parts": self.parts != "all",
             "--network": self.network,
             "--drives": self.drives != DRIVES,
@@ -131,6 +135,8 @@ class Plan:
             options += " --network"
         if self.methods != "all":
             options += f" --methods {shlex.quote(self.methods)}"
+        if self.exact:
+            options += " --exact"
         if self.parts != "all":
             options += f" --parts {shlex.quote(self.parts)}"
         if self.name == "days":

@@ -24,7 +24,7 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     from hypermap.formats.atomic import write_file
 
     output = output or Path("thesis.html")
-    methods = chosen_methods(plan.methods, plan.added)
+    methods = chosen_methods(plan.methods, plan.added, plan.exact)
     made = made_with(plan.errors, methods)
     check_outputs(output, replace)
     results = plan.map(methods)

@@ -42,13 +42,18 @@ PUBLISHED: Mapping[tuple[str, str], Published] = {
 }
 
 
-def methods() -> dict[str, MappingConfig]:
+def methods(exact: bool = False) -> dict[str, MappingConfig]:
     """Return all methods by name, ours last.
 
     Those of the thesis cut objects out as its profile does: by the fast method, which finds nearly
     the same regions as PCL (docs/perception.md says how nearly).
+
+    Args:
+        exact: whether they find exactly the regions of PCL, in fifty times the time.
     """
     thesis = profile("thesis")
+    if exact:
+        thesis = replace(thesis, perception=replace(thesis.perception, method="unorganised"))
     shapes: dict[str, Literal["best_shape", "convex_hull"]] = {
         "best shape": "best_shape",
         "convex hull": "convex_hull",
@@ -68,7 +73,7 @@ def methods() -> dict[str, MappingConfig]:
     return {**found, OURS: profile("default")}
 
 
-def chosen_methods(words: str, added: Sequence[str] = ()) -> dict[str, Method]:
+def chosen_methods(words: str, added: Sequence[str] = (), exact: bool = False) -> dict[str, Method]:
     """Return the methods that a user asks for, by name.
 
     >>> list(chosen_methods("best,default"))
@@ -77,12 +82,13 @@ def chosen_methods(words: str, added: Sequence[str] = ()) -> dict[str, Method]:
     Args:
         words: beginnings of names of `methods`, with commas between them; "all" for all.
         added: further methods, see `named_method`.
+        exact: as for `methods`.
 
     Raises:
         HypermapError: If a word is the beginning of no name, there is no such method, or two have
             the same name.
     """
-    chosen: dict[str, Method] = {**_built_in(words)}
+    chosen: dict[str, Method] = {**_built_in(words, exact)}
     for word in added:
         name, method = named_method(word)
         if name in chosen or name in methods():
@@ -121,8 +127,8 @@ def settings_of(method: Method) -> dict[str, Any]:
     return to_dict(method) if isinstance(method, MappingConfig) else asdict(method)
 
 
-def _built_in(words: str) -> dict[str, MappingConfig]:
-    known = methods()
+def _built_in(words: str, exact: bool) -> dict[str, MappingConfig]:
+    known = methods(exact)
     if words == "all":
         return known
     for word in words.split(","):
