@@ -61,11 +61,31 @@ def test_beyond_where_a_polynomial_turns_back_nothing_is_shown() -> None:
     assert 0.5 < found[0, 0] < 0.609
 
 
+@pytest.mark.parametrize("lens", [KINECT, AZURE, FISHEYE, Lens(PLUMB_BOB, (-0.9, 0, 0, 0))])
+@given(far=st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), max_size=3))
+def test_a_point_is_found_whatever_others_are_asked_for(
+    lens: Lens, far: list[tuple[float, float]]
+) -> None:
+    near = [(0.3, -0.2), (-0.1, 0.0)]
+    together = np.array([*near, *far])
+    for ask in (lens.distorted, lens.undistorted):
+        np.testing.assert_allclose(ask(together)[:2], ask(np.array(near)), atol=1e-9)
+
+
+def test_the_number_of_coefficients_tells_which_they_are() -> None:
+    points = np.array([(0.3, -0.2), (-0.45, 0.35)])
+    named = Lens(PLUMB_BOB, AZURE.coefficients), Lens(RATIONAL, KINECT.coefficients)
+    np.testing.assert_array_equal(named[0].distorted(points), AZURE.distorted(points))
+    np.testing.assert_array_equal(named[1].distorted(points), KINECT.distorted(points))
+    padded = Lens(RATIONAL, (*THIN.coefficients, 0.0, 0.0))
+    np.testing.assert_array_equal(padded.distorted(points), THIN.distorted(points))
+
+
 @pytest.mark.parametrize(
     ("model", "coefficients", "message"),
     [
         ("", (0.1, 0, 0, 0, 0), "the known models are plumb_bob, rational_polynomial, equidistant"),
-        (PLUMB_BOB, (0.1,), "plumb_bob has 4 or 5 coefficients, got 1"),
+        (PLUMB_BOB, (0.1,), "plumb_bob has 4 or 5 or 8 or 12 or 14 coefficients, got 1"),
         (RATIONAL, (0.1,) * 14, "sensors not tilted"),
         (EQUIDISTANT, (0.1, float("nan"), 0, 0), "must be finite"),
     ],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -93,3 +95,16 @@ def test_masks_are_rectified_and_boxes_beyond_the_lens_are_left_out() -> None:
 def test_of_no_detections_none_are_left() -> None:
     none = Detections.of([], [])
     assert len(Rectification(BARREL, RAW, RAW).detections(none)) == 0
+
+
+def test_behind_a_lens_that_shows_nothing_all_is_unknown_and_black() -> None:
+    blind = Rectification(Lens(PLUMB_BOB, (-1e300, 1e300, 0, 0)), RAW, RAW)
+    assert np.isnan(blind.depth(np.ones((120, 160), np.float32))).all()
+    assert not blind.color(np.ones((120, 160, 3), np.uint8)).any()
+    assert len(blind.detections(Detections.of([[0, 0, 9, 9]], ["cup"]))) == 0
+
+
+def test_a_rectification_travels_to_other_processes() -> None:
+    one = Rectification(BARREL, RAW, RAW)
+    other = pickle.loads(pickle.dumps(one))
+    np.testing.assert_array_equal(other.depth(wall()), one.depth(wall()))

@@ -171,16 +171,46 @@ def test_jpeg_color_is_what_pillow_decodes(tmp_path: Path) -> None:
         np.testing.assert_array_equal(frame.color, np.asarray(expected.convert("RGB")))
 
 
-def test_rectified_images_take_the_rectified_intrinsics(tmp_path: Path) -> None:
+@pytest.mark.parametrize("transport", ["", "/compressedDepth"])
+def test_rectified_images_take_the_rectified_intrinsics(tmp_path: Path, transport: str) -> None:
     info = camera_info(START, distortion=[0.1, 0, 0, 0, 0])
     info["P"] = [30, 0, 16, 0, 0, 31, 12, 0, 0, 0, 1, 0]
+    type_, depth = DEPTHS["compressedDepth" if transport else "16UC1"](SHOTS[0])
     with BagBuilder(tmp_path, "mcap") as bag:
         add_poses(bag, SHOTS)
         bag.add("/depth/camera_info", CAMERA_INFO, START, info)
-        depth = image(SHOTS[0].depth_mm, "16UC1", START)
-        bag.add("/depth/image_rect", IMAGE, START, depth)
+        bag.add("/depth/image_rect" + transport, type_, START, depth)
     [frame] = frames_of(bag.path)
     assert frame.camera.K.tolist() == [[30, 0, 16], [0, 31, 12], [0, 0, 1]]
+    np.testing.assert_array_equal(np.isnan(frame.depth), SHOTS[0].depth_mm == 0)  # as it is
+
+
+@pytest.mark.parametrize(
+    ("depth_topic", "color_topic", "is_depth_bent", "is_color_bent"),
+    [
+        ("/depth/image_raw", "/rgb/image_color", True, True),
+        ("/depth/image_rect_raw", "/rgb/image_color", False, True),
+        ("/depth/image_raw", "/rgb/image_rect_color", True, False),
+        ("/depth/image_raw", "/rgb/image_rect_color/compressed", True, False),
+    ],
+)
+def test_each_image_is_rectified_unless_its_own_name_says_that_it_is(
+    tmp_path: Path, depth_topic: str, color_topic: str, is_depth_bent: bool, is_color_bent: bool
+) -> None:
+    info = camera_info(START, distortion=[0.1, 0, 0, 0, 0])
+    fx, fy, cx, cy = INTRINSICS
+    info["P"] = [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]
+    type_, color = COLORS["png" if color_topic.endswith("/compressed") else "bgr8"](SHOTS[0])
+    with BagBuilder(tmp_path, "mcap") as bag:
+        add_poses(bag, SHOTS)
+        bag.add("/depth/camera_info", CAMERA_INFO, START, info)
+        bag.add(depth_topic, IMAGE, START, image(SHOTS[0].depth_mm, "16UC1", START))
+        bag.add(color_topic, type_, START, color)
+    [frame] = frames_of(bag.path)
+    corner = HEIGHT - 1, WIDTH - 1  # beyond which the lens moves it
+    assert np.isnan(frame.depth[corner]) == is_depth_bent
+    assert np.array_equal(frame.color[corner], (0, 0, 0)) == is_color_bent
+    assert np.array_equal(frame.color, SHOTS[0].color) != is_color_bent
 
 
 def test_a_damaged_image_is_named_by_topic_and_time(tmp_path: Path) -> None:

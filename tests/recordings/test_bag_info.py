@@ -220,9 +220,8 @@ def test_distortion_other_frames_and_other_topics_are_noted(tmp_path: Path) -> N
     np.testing.assert_allclose(frame.depth, np.where(is_in, expected, np.nan), rtol=1e-6)
     color = np.asarray(frame.color, int)
     np.testing.assert_allclose(color[12, 15], SHOTS[0].color[12, 15], atol=5)  # at the center
-    assert (
-        color[~is_in & ((column < -1) | (column > WIDTH) | (row < -1) | (row > HEIGHT))] == 0
-    ).all()
+    assert (~is_in).sum() > 50
+    assert (color[~is_in] == 0).all()
 
 
 def test_a_lens_that_nobody_knows_is_noted_and_not_corrected(tmp_path: Path) -> None:
@@ -237,7 +236,10 @@ def test_a_lens_that_nobody_knows_is_noted_and_not_corrected(tmp_path: Path) -> 
         "the lens distortion in the camera info is not corrected: the known models are plumb_bob, "
         "rational_polynomial, equidistant, got 'wide'" in recording.info().notes
     )
-    assert next(recording.frames()).cloud is None
+    np.testing.assert_array_equal(
+        next(recording.frames()).depth,
+        np.where(SHOTS[0].depth_mm == 0, np.nan, SHOTS[0].depth_mm.astype(np.float32) / 1000),
+    )
 
 
 @pytest.mark.parametrize(

@@ -33,18 +33,20 @@ def info(model: str, *coefficients: float) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("topic", "model", "is_bent", "said"),
+    ("topic", "color", "model", "is_bent", "are_boxes", "said"),
     [
-        ("/depth/image_raw", "plumb_bob", True, "the images are rectified"),
-        ("/depth/image_rect", "plumb_bob", False, ""),
-        ("/depth/image_raw", "wide", False, "is not corrected: the known models are"),
+        ("/depth/image_raw", "", "plumb_bob", True, True, "the images are rectified"),
+        ("/depth/image_rect", "", "plumb_bob", False, False, ""),
+        ("/depth/image_rect", "/rgb/image_raw", "plumb_bob", False, True, "are rectified"),
+        ("/depth/image_raw", "/rgb/image_rect", "plumb_bob", True, False, "are rectified"),
+        ("/depth/image_raw", "", "wide", False, False, "is not corrected: the known models are"),
     ],
 )
 def test_raw_images_are_rectified_with_their_detections(
-    topic: str, model: str, is_bent: bool, said: str
+    topic: str, color: str, model: str, is_bent: bool, are_boxes: bool, said: str
 ) -> None:
     lines: list[str] = []
-    settings = LiveSettings(depth_topic=topic, detections_topic="/boxes")
+    settings = LiveSettings(depth_topic=topic, color_topic=color, detections_topic="/boxes")
     maker = FrameMaker(settings, lambda _, line: lines.append(line))
     maker.camera_info = info(model, -0.2, 0.0, 0.0, 0.0, 0.0)
     found = Detections.of([[0, 49.5, 20, 69.5]], ["cup"])
@@ -56,7 +58,7 @@ def test_raw_images_are_rectified_with_their_detections(
     assert frame.detections is not None
     # What is at x in the middle row of the rectified image, the lens shows at x (1 - 0.2 x²).
     x = (frame.detections.xyxy[0, 2] - 0.5 - 79.5) / 131.25
-    shown = x * (1 - 0.2 * x * x) if is_bent else x
+    shown = x * (1 - 0.2 * x * x) if are_boxes else x
     assert shown == pytest.approx((20 - 0.5 - 79.5) / 131.25, abs=1e-3)
     column = (frame.depth[59, 3] - 1) * 100  # of the raw image
     x = (3 - 79.5) / 131.25

@@ -13,10 +13,11 @@ PLUMB_BOB, RATIONAL, EQUIDISTANT = "plumb_bob", "rational_polynomial", "equidist
 MODELS = (PLUMB_BOB, RATIONAL, EQUIDISTANT)
 """Models of distortion, as in ROS (`sensor_msgs/distortion_models.hpp`)."""
 
-_LENGTHS = {PLUMB_BOB: (4, 5), RATIONAL: (8, 12, 14), EQUIDISTANT: (4,)}
+_OPENCV = (4, 5, 8, 12, 14)  # by their number, OpenCV and ROS know which ones they are
+_LENGTHS = {PLUMB_BOB: _OPENCV, RATIONAL: _OPENCV, EQUIDISTANT: (4,)}
 _ITERATIONS = 20
 _STEP = 1e-6  # for derivatives
-_RADII = 1000  # at which it is looked whether a lens shows points in their order
+_ANGLES = 1000  # at which it is looked whether a lens shows points in their order
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,9 @@ class Lens:
         the lens shows the nearer one.
         """
         x, y = points_xy[..., 0], points_xy[..., 1]
-        shown = np.stack(_shown(self, x, y), axis=-1)
-        shown[~_are_in_order(self, x, y)] = np.nan
+        with np.errstate(all="ignore"):
+            shown = np.stack(_shown(self, x, y), axis=-1)
+            shown[~_are_in_order(self, x, y)] = np.nan
         return shown
 
     def undistorted(self, points_xy: FloatArray) -> FloatArray:
@@ -82,10 +84,14 @@ class Lens:
 
 
 def _are_in_order(lens: Lens, x: FloatArray, y: FloatArray) -> BoolArray:
-    """Return for which points all that are nearer to the center are shown nearer to it, too."""
+    """Return for which points all that are nearer to the center are shown nearer to it, too.
+
+    This is looked at in steps of angles: steps of lengths would miss where a lens turns back, if
+    one of the points is far away.
+    """
     radius = np.hypot(x, y)
     farthest = np.max(radius, initial=0.0, where=np.isfinite(radius))
-    along = np.linspace(0, farthest, _RADII)
+    along = np.tan(np.linspace(0, np.arctan(farthest), _ANGLES))
     shown, _ = _shown(lens, along, np.zeros_like(along))
     turns = np.flatnonzero(np.diff(shown) <= 0)
     in_order: BoolArray = radius <= (along[turns[0]] if len(turns) else farthest)

@@ -27,6 +27,7 @@ from hypermap.recordings.bag.topics import ChosenTopics
 from hypermap.recordings.messages.camera import camera_of_info, rectification_of_info
 from hypermap.recordings.messages.clouds import fit_camera
 from hypermap.recordings.messages.header import as_seconds, clean_frame
+from hypermap.recordings.messages.topic_names import names_rectified
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 from hypermap.recordings.problems import problems_of
@@ -194,7 +195,7 @@ class BagPlan:
                     "there is no camera info for the color images, which --register needs; "
                     "record it, or give --color-intrinsics"
                 )
-            is_rectified = _is_rectified(self.color_topic)
+            is_rectified = names_rectified(self.color_topic.name)
             camera = camera_of_info(self._contents.color_info, width, height, is_rectified)
         return Registration(camera, self._depth_pose())
 
@@ -327,32 +328,30 @@ class BagPlan:
     @cached_property
     def _rectified(self) -> tuple[Rectification | None, str]:
         """How to rectify depth images, and what is to be said of it."""
-        info = self._contents.camera_info
-        if info is None or self._options.intrinsics is not None or self._first.cloud is not None:
-            return None, ""
-        return rectification_of_info(info, *self._first.size, self._is_rectified)
+        return self._by_depth_info(self._is_rectified)
 
     @cached_property
     def _color_rectified(self) -> tuple[Rectification | None, str]:
         """How to rectify color images, and what is to be said of it."""
         topic, info = self._topics.color, self._contents.color_info
-        if topic is not None and _is_rectified(topic):
-            return None, ""
+        is_rectified = self._is_rectified if topic is None else names_rectified(topic.name)
         if not self._options.register:
-            return self._rectified
+            return self._by_depth_info(is_rectified)
         if info is None or self._options.color_intrinsics is not None:
             return None, ""
         height, width, _ = self._first_color.shape
-        return rectification_of_info(info, width, height, is_rectified=False)
+        return rectification_of_info(info, width, height, is_rectified)
+
+    def _by_depth_info(self, is_rectified: bool) -> tuple[Rectification | None, str]:
+        """Return how to rectify images of the depth camera, or those to which it is registered."""
+        info = self._contents.camera_info
+        if info is None or self._options.intrinsics is not None or self._first.cloud is not None:
+            return None, ""
+        return rectification_of_info(info, *self._first.size, is_rectified)
 
     @property
     def _is_rectified(self) -> bool:
-        return _is_rectified(self.geometry_topic)
-
-
-def _is_rectified(topic: Topic) -> bool:
-    """Return whether images are rectified, as the name of their topic tells."""
-    return "rect" in topic.name.rpartition("/")[2]
+        return names_rectified(self.geometry_topic.name)
 
 
 def _readable(read: Callable[[Any], _Image], messages: Sequence[Any]) -> list[_Image]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from hypermap.core.errors import FormatError, did_you_mean
 from hypermap.recordings.bag.file import Topic
+from hypermap.recordings.messages.topic_names import image_folder, image_name
 from hypermap.recordings.options import RecordingOptions
 
 IMAGE = "sensor_msgs/msg/Image"
@@ -128,9 +129,9 @@ def may_hold_depth(topic: Topic) -> bool:
 
 def _color_info(topics: Sequence[Topic], color: Topic | None) -> Topic | None:
     """Return the camera info in the namespace of the color images, if any."""
-    namespace = "" if color is None else _folder(color.name)
+    namespace = "" if color is None else image_folder(color.name)
     infos = (topic for topic in topics if topic.type == CAMERA_INFO)
-    return next((topic for topic in infos if _folder(topic.name) == namespace), None)
+    return next((topic for topic in infos if image_folder(topic.name) == namespace), None)
 
 
 class _Choice:
@@ -211,7 +212,7 @@ def _color_rank(near: str) -> Callable[[Topic], Any]:
     """Color by name, of the same camera as the depth, converted and uncompressed first."""
 
     def rank(topic: Topic) -> Any:
-        leaf = _image_name(topic.name).rpartition("/")[2]
+        leaf = image_name(topic.name).rpartition("/")[2]
         return (
             not _has(topic.name.lower(), _COLOR_WORDS),
             -_shared_folders(topic.name, near),
@@ -226,10 +227,10 @@ def _info_rank(depth: str, color: str) -> Callable[[Topic], Any]:
     """The depth image's own intrinsics, or else those of the color to which it is registered."""
 
     def rank(topic: Topic) -> Any:
-        folder = _folder(topic.name)
+        folder = image_folder(topic.name)
         return (
-            folder != _folder(depth),
-            folder != _folder(color),
+            folder != image_folder(depth),
+            folder != image_folder(color),
             -_shared_folders(topic.name, depth),
         )
 
@@ -242,17 +243,6 @@ def _map_rank(topic: Topic) -> Any:
 
 def _has(name: str, words: Sequence[str]) -> bool:
     return any(word in name for word in words)
-
-
-def _image_name(topic: str) -> str:
-    """Return the name of the image topic that a compressed topic transports."""
-    for transport in ("/compressedDepth", "/compressed"):
-        topic = topic.removesuffix(transport)
-    return topic
-
-
-def _folder(topic: str) -> str:
-    return _image_name(topic).rpartition("/")[0]
 
 
 def _shared_folders(one: str, other: str) -> int:

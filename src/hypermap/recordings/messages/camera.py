@@ -53,7 +53,8 @@ def rectification_of_info(
 ) -> tuple[Rectification | None, str]:
     """Return how to rectify the images that a camera info describes, and a sentence on it.
 
-    The result is that of ROS's image_proc: the camera has the intrinsics of `P`, if it has any.
+    The result is that of ROS's image_proc: the camera has the intrinsics of `P`, if it has any. But
+    it looks where the real one does: `R`, which turns those of a stereo camera, is not applied.
 
     Args:
         info: the message.

@@ -126,10 +126,13 @@ class FrameMaker:
         if cloud is not None:
             return depth, camera, None
         size = camera.width, camera.height
-        found = self._rectification(self.camera_info, size, settings.is_rectified)
-        if found is None:
-            return depth, camera, None
-        return found.depth(depth), found.camera, None if settings.is_color_rectified else found
+        of_depth, of_color = (
+            self._rectification(self.camera_info, size, is_rectified)
+            for is_rectified in (settings.is_rectified, settings.is_color_rectified)
+        )
+        if of_depth is None:
+            return depth, camera, of_color
+        return of_depth.depth(depth), of_depth.camera, of_color
 
     def _color_camera(self, color: Any) -> tuple[Camera, Rectification | None]:
         """Return the camera of a color image, once it is rectified, and how to do that.

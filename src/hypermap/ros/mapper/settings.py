@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from hypermap.core.errors import HypermapError
 from hypermap.perception.pose_convention import CONVENTIONS, OPTICAL
+from hypermap.recordings.messages.topic_names import image_folder, names_rectified
 from hypermap.recordings.samples import ValueSource
 from hypermap.ros.port import Parameter, Value
 
@@ -23,7 +24,6 @@ VISION = "vision_msgs/Detection2DArray"
 
 _GEOMETRY = ("depth_topic", "cloud_topic")
 _DETECTIONS = ("detector", "detections_topic", "detections_file")
-_TRANSPORTS = ("/compressedDepth", "/compressed")  # of image_transport
 
 
 def _setting(
@@ -222,7 +222,7 @@ class LiveSettings:
         """Where the intrinsics come from; empty if the clouds show them."""
         if self.camera_info_topic or self.cloud_topic:
             return self.camera_info_topic
-        folder = image_name(self.depth_topic).rpartition("/")[0]
+        folder = image_folder(self.depth_topic)
         return f"{folder}/camera_info"
 
     @property
@@ -230,28 +230,17 @@ class LiveSettings:
         """Where the intrinsics of color come from; empty if depth is not registered to it."""
         if not self.register:
             return ""
-        return f"{image_name(self.color_topic).rpartition('/')[0]}/camera_info"
+        return f"{image_folder(self.color_topic)}/camera_info"
 
     @property
     def is_rectified(self) -> bool:
         """Whether the depth images are rectified, as their name tells."""
-        return "rect" in image_name(self.geometry_topic).rpartition("/")[2]
+        return names_rectified(self.geometry_topic)
 
     @property
     def is_color_rectified(self) -> bool:
-        """Whether the color images are rectified, as their name tells."""
-        return "rect" in image_name(self.color_topic).rpartition("/")[2]
-
-
-def image_name(topic: str) -> str:
-    """Return the image topic of which a compressed topic is the transport.
-
-    >>> image_name("/camera/depth/image_raw/compressedDepth")
-    '/camera/depth/image_raw'
-    """
-    for transport in _TRANSPORTS:
-        topic = topic.removesuffix(transport)
-    return topic
+        """Whether the color images are rectified; without a topic, as the depth images are."""
+        return names_rectified(self.color_topic or self.geometry_topic)
 
 
 PARAMETERS: tuple[Parameter, ...] = tuple(
