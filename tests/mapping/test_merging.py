@@ -317,6 +317,21 @@ def test_a_map_of_a_version_with_other_defaults_is_merged_by_those_of_the_first(
         merge_maps(chosen, older, OTHER_FRAME)
 
 
+def test_a_result_with_older_defaults_is_merged_with_a_third_map_and_continued() -> None:
+    older = second_day(*ALL).with_layers(list(second_day(*ALL)))
+    config = copy.deepcopy(older.metadata["config"])
+    config["evidence"] |= {"gain": 1.4}
+    older.metadata = {**older.metadata, "config": config, "hypermap_version": "0.0.1"}
+    both = merge_maps(older, first_day(), OTHER_FRAME.inverse()).hypermap
+    continued = mapped(frames(*ALL), OTHER_FRAME.inverse(), 3 * DAY, older)
+    third = mapped(frames(*ALL), later=2 * DAY)
+    for begun_by_older in (both, continued):
+        merged = merge_maps(begun_by_older, third, OTHER_FRAME.inverse())
+        assert merged.settings == ("evidence: gain: 1.4 instead of 1.5",)
+        assert merged.both == 3
+        assert merged.hypermap.metadata["config"] == config
+
+
 def test_merging_leaves_both_maps_as_they_were(tmp_path: Path) -> None:
     maps = first_day(), second_day(*MOVED)
     files = [tmp_path / "a.hmap", tmp_path / "b.hmap"]

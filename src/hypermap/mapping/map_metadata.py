@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from hypermap._version import __version__
@@ -12,6 +13,14 @@ from hypermap.mapping.by_hand import HandEdit, ids_by_edit
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.drives import Drive, map_id
+
+MADE_BY = "hypermap_version"
+_DEFAULTS_OF = "defaults_of_version"
+
+
+def version_of_defaults(metadata: Mapping[str, Any]) -> object:
+    """Return the version of Hypermap whose defaults a map was begun with; None if unknown."""
+    return metadata.get(_DEFAULTS_OF, metadata.get(MADE_BY))
 
 
 def made_metadata(
@@ -35,7 +44,7 @@ def made_metadata(
         edits: made by hand, by the objects' ids.
     """
     metadata = before | {
-        "hypermap_version": __version__,
+        MADE_BY: __version__,
         "frames": counts.as_metadata(),
         **({"surplus_detections": surplus} if surplus else {}),
         "poses": "as recorded" if aligner is None else "corrected by the occupancy map",
@@ -44,6 +53,9 @@ def made_metadata(
         "drives": [drive.described() for drive in drives],
         **_identity(before, drives, config),
     }
+    begun_by = version_of_defaults(before)
+    if begun_by not in (None, __version__):  # whose settings the map keeps
+        metadata[_DEFAULTS_OF] = begun_by
     metadata.pop(BY_HAND, None)
     if marked := ids_by_edit(edits):
         metadata[BY_HAND] = marked

@@ -8,6 +8,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.mapping.config import MappingConfig, profile_like, to_dict
 from hypermap.mapping.going_on import config_to_go_on_with
+from hypermap.mapping.map_metadata import version_of_defaults
 
 _ALWAYS_EQUAL = "min_score", "resolution"  # else, counts cannot be added, nor cells
 
@@ -20,7 +21,7 @@ def common_config(first: Hypermap, second: Hypermap) -> tuple[MappingConfig, tup
     """Return the configuration for two maps as one: that of the first.
 
     Whether pictures are kept, and whether poses are corrected by the map, may differ. Where another
-    version made the second map, so may other settings, if one of the two values is the default of
+    version began the second map, so may other settings, if one of the two values is the default of
     the profile of both: that version had another default.
 
     Returns:
@@ -35,7 +36,8 @@ def common_config(first: Hypermap, second: Hypermap) -> tuple[MappingConfig, tup
     own = to_dict(config)
     other = to_dict(replace(theirs, pictures=config.pictures, alignment=alignment))
     defaults = to_dict(profile_like(own))
-    may_differ = _version(first) != _version(second) and defaults == to_dict(profile_like(other))
+    versions = [version_of_defaults(one.metadata) for one in (first, second)]
+    may_differ = versions[0] != versions[1] and defaults == to_dict(profile_like(other))
     differing = []
     for stage, values in own.items():
         for key, value in values.items():
@@ -49,7 +51,3 @@ def common_config(first: Hypermap, second: Hypermap) -> tuple[MappingConfig, tup
                 )
             differing.append(f"{stage}: {key}: {value} instead of {its}")
     return config, tuple(differing)
-
-
-def _version(hypermap: Hypermap) -> object:
-    return hypermap.metadata.get("hypermap_version")
