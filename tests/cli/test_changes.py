@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from hypermap import Hypermap, SemanticLayer, SemanticObject, open_map, save_map
-from hypermap.core.history import GONE, Change, Revision
+from hypermap.core.history import ADDED, GONE, Change, Revision
 from hypermap.formats import locks
 from hypermap.formats.locks import turn_to_edit
 from hypermap.history import begin_history
@@ -98,6 +98,20 @@ def test_doubtful_changes_are_counted_and_shown_on_demand(hypermap: Run, office:
     assert "1 doubtful change left out; --all shows them" in shown.err
     assert "(20%)" in hypermap("changes", office, "--since", "v3", "--all").out
     assert len(hypermap("changes", office, "--since", "v3", "--json").json["changes"]) == 1
+
+
+def test_what_doubtfully_changed_is_neither_drawn_nor_counted_as_unchanged(
+    hypermap: Run, office: Path, tmp_path: Path
+) -> None:
+    mapped = open_map(office)
+    assert mapped.history is not None
+    change = Change(ADDED, "semantic", None, mapped.semantic()[2], confidence=0.2)
+    revision = Revision(4, 1.7e9, "mapping", "day2", (change,))
+    mapped.history = dataclasses.replace(mapped.history, added=(revision,), version=4)
+    save_map(mapped, office)
+    picture = tmp_path / "changes.svg"
+    assert hypermap("changes", office, "--since", "v2", "--picture", picture).code == 0
+    assert "2 changes, 0 objects unchanged" in picture.read_text()  # nor is the desk unchanged
 
 
 def test_changes_draws_them(hypermap: Run, office: Path, tmp_path: Path) -> None:

@@ -83,16 +83,18 @@ def command(
     if as_json:
         rows = [_facts(revision) | described(change) for revision, change in found]
         say_json({"frame_id": hypermap.base_frame, "changes": rows})
+        worth_showing = found
     else:
-        found, left_out = _worth_showing(found) if not show_all else (found, 0)
-        _show(found, names is not None or show_all)
-        if left_out:
+        worth_showing = found if show_all else _worth_showing(found)
+        _show(worth_showing, names is not None or show_all)
+        if left_out := len(found) - len(worth_showing):
             note(f"{counted(left_out, 'doubtful change')} left out; --all shows them")
     if picture is not None:
         from hypermap.evaluation import Changes
         from hypermap.viewer.changes import render_changes
 
-        shown = Changes(tuple(change for _, change in found), _unchanged(hypermap, found, names))
+        drawn = tuple(change for _, change in worth_showing)
+        shown = Changes(drawn, _unchanged(hypermap, found, names))
         render_changes(hypermap, shown, picture, title=path.stem, is_over_time=True)
         note(f"saved {picture}")
 
@@ -112,10 +114,9 @@ def _unchanged(
     )
 
 
-def _worth_showing(found: _Found) -> tuple[_Found, int]:
-    """Return the changes that are not doubtful, and how many are; of the first drive, all."""
-    kept = [each for each in found if _is_beginning(each[0]) or not each[1].is_doubtful]
-    return kept, len(found) - len(kept)
+def _worth_showing(found: _Found) -> _Found:
+    """Return the changes that are not doubtful; of the first drive, all."""
+    return [each for each in found if _is_beginning(each[0]) or not each[1].is_doubtful]
 
 
 def _show(found: _Found, each: bool) -> None:
