@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import resource
 import time
 from dataclasses import replace
@@ -112,6 +113,15 @@ def test_doors_between_rooms_are_listed_where_the_map_has_none_as_objects(
             answer_to(with_doors, question)
     (note,) = answer_to(flat, "where are the doors?").notes
     assert note.startswith("there is no door in the map")
+    answer = answer_to(with_doors, "where are the doors and couches?")  # has something to show
+    assert [item.object.name for item in answer.objects] == ["couch"]
+    assert re.match(r"the map has " + listed, answer.notes[0])
+
+
+def test_a_map_without_doors_says_so_when_asked_which_rooms_are_connected(flat: Hypermap) -> None:
+    answer = answer_to(flat, "which rooms are connected to the kitchen?")
+    assert [*answer.rooms] == []
+    assert answer.notes == ("the map knows no doors between its rooms",)
 
 
 def test_how_big_a_room_is_may_be_asked_by_what_is_in_it(with_doors: Hypermap) -> None:

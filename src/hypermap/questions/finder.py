@@ -135,13 +135,15 @@ class Finder:
                 ids = wanted.setdefault(one, set(number))
                 wanted[one] = ids | number if ids and number else set()
             if not matching:
-                self._check_no_door(what)
+                doors = self._doors_between_rooms(what)
+                if doors and len(names) == 1:
+                    raise HypermapError(doors)
                 is_known = self._taxonomy.usual_name(what) is not None
                 hint = f"; {did_you_mean(what, self._names)}"
                 if is_known:
                     like = self._taxonomy.related(what, self._names)
                     hint = f"; similar: {', '.join(map(printable, like[:3]))}" if like else ""
-                self.notes.append(f"there is no {what} in the map{hint}")
+                self.notes.append(doors or f"there is no {what} in the map{hint}")
         only = [layer.name for layer in layers or () if isinstance(layer, SemanticLayer)]
         if (names and not wanted) or (layers is not None and not only):
             return Matches.of_shapes(as_objects([]))
@@ -155,19 +157,18 @@ class Finder:
         is_one = [not wanted[name] or number in wanted[name] for name, number in pairs]
         return found.take(np.array(is_one, dtype=bool))
 
-    def _check_no_door(self, name: str) -> None:
-        """Raise a HypermapError if doors are asked for that are known only between rooms."""
+    def _doors_between_rooms(self, name: str) -> str:
+        """Return a sentence on doors that are known only between rooms, if a name means doors."""
         rooms = rooms_on(self._hypermap) if self._taxonomy.usual_name(name) in _DOORS else None
         if rooms is None or not rooms.doors:
-            return
+            return ""
         doors = []
         for door in rooms.doors[:_MOST_DOORS]:
             (x, y), (one, other) = door.place_xy, (printable(rooms[i].name) for i in door.rooms)
             doors.append(f"{one} to {other} at ({x:.2f}, {y:.2f}), {door.width:.2f} m wide")
         more = f"; {len(rooms.doors) - len(doors)} more" if len(rooms.doors) > len(doors) else ""
-        raise HypermapError(
-            f"the map has no object {name!r}, but doors between its rooms: {'; '.join(doors)}{more}"
-        )
+        listed = "; ".join(doors) + more
+        return f"the map has no object {name!r}, but doors between its rooms: {listed}"
 
     def _is_there(self, condition: Condition) -> bool:
         """Return whether there is anything that a condition refers to."""
@@ -280,6 +281,8 @@ class Finder:
     def _are_next_door(self, reference: Reference, found: Matches) -> BoolArray:
         """Return which objects are rooms that have a door to one of some rooms."""
         rooms = self._rooms_called(reference.rooms) or self._rooms_meant(reference)
+        if not self.rooms.doors:
+            self.notes.append("the map knows no doors between its rooms")
         ids = {room.id for room in rooms}
         ways = [way for door in self.rooms.doors for way in (door.rooms, door.rooms[::-1])]
         beyond = [there for here, there in ways if here in ids]
