@@ -485,6 +485,20 @@ def test_many_things_near_many_others_are_compared_in_little_time_and_memory() -
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000  # kB
 
 
+def test_many_things_around_the_corner_of_many_others_are_compared() -> None:
+    corners = np.random.default_rng(5).uniform(0, 20, (5000, 2)).round(2)
+    corners[2500:] += 120
+    shapes = np.asarray(shapely.box(*corners.T, *(corners.T + 0.5)))
+    names = ["cup"] * 2500 + ["table"] * 2500
+    things = [SemanticObject(*thing) for thing in zip(names, shapes, strict=True)]
+    hypermap = Hypermap([SemanticLayer("semantic", "map", things)])
+    tables = shapely.union_all(shapes[2500:])
+    for within in (140, 150, 160):
+        near = np.count_nonzero(shapely.distance(shapes[:2500], tables) <= within)
+        far = answer_to(hypermap, f"how many cups are more than {within} m from a table").count
+        assert far == 2500 - near  # of 2500 to about 1000
+
+
 def test_what_would_compare_too_many_pairs_is_refused() -> None:
     things = [SemanticObject(name, shapely.box(0, 0, 1, 1)) for name in ("cup", "table")] * 2100
     hypermap = Hypermap([SemanticLayer("semantic", "map", things)])

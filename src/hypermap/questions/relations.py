@@ -22,6 +22,8 @@ _TOUCHING = 0.15  # [m] between an object and the top of the one below it, as me
 _FIRST, _MORE = 16, 7  # others that objects are compared with at first, and how many times more
 _AT_ONCE = 1_000_000  # pairs at most, so that memory stays bounded
 _MOST = 4_000_000  # pairs of objects that are compared for a question, in some seconds
+_MOST_BOXES = 40_000_000  # pairs of which only the bounding boxes are
+_ROUNDED = 1 + 1e-9  # share by which distances of boxes are rounded at most
 
 
 class Stacks:
@@ -96,6 +98,7 @@ def any_pair(
     predicate: Any,
     distance: float | None = None,
     is_so: Callable[[IntArray, IntArray], BoolArray] | None = None,
+    most: int = _MOST,
 ) -> BoolArray:
     """Return for which objects a predicate holds with any of others; none is its own other.
 
@@ -106,6 +109,7 @@ def any_pair(
         predicate: of shapely's STRtree; None compares bounding boxes alone.
         distance: for the predicate "dwithin" [m].
         is_so: what else must hold, for the places of objects and others.
+        most: pairs that are compared.
 
     Raises:
         HypermapError: If too many pairs would have to be compared.
@@ -123,11 +127,7 @@ def any_pair(
             at, of = tree.query(part, predicate=predicate, distance=distance)
             at, of = rows[at], some[of]
             count += len(at)
-            if count > _MOST:
-                raise HypermapError(
-                    f"more than {_MOST:,} pairs of objects would have to be compared; ask about "
-                    "fewer objects, as those in one room, or a smaller distance"
-                )
+            _check_few(count, most)
             is_other = found.keys[at] != others.keys[of]
             at, of = at[is_other], of[is_other]
             holds[at if is_so is None else at[is_so(at, of)]] = True
@@ -136,15 +136,36 @@ def any_pair(
 
 
 def are_near(found: Matches, others: Matches, within: float) -> BoolArray:
-    """Return which objects are within a distance [m] of another one that is not itself."""
-    x0, y0, x1, y1 = shapely.bounds(found.shapes).T
+    """Return which objects are within a distance [m] of another one that is not itself.
+
+    Raises:
+        HypermapError: If too many pairs would have to be compared.
+    """
+    ends, other_ends = shapely.bounds(found.shapes), shapely.bounds(others.shapes)
+    x0, y0, x1, y1 = ends.T
     boxes = np.asarray(shapely.box(x0 - within, y0 - within, x1 + within, y1 + within))
+    count = 0
 
     def is_near(at: IntArray, of: IntArray) -> BoolArray:
-        near: BoolArray = shapely.dwithin(found.shapes[at], others.shapes[of], within)
+        nonlocal count
+        gaps = np.maximum(ends[at, :2] - other_ends[of, 2:], other_ends[of, :2] - ends[at, 2:])
+        near: BoolArray = np.hypot(*np.maximum(gaps, 0).T) <= within * _ROUNDED
+        rows = np.flatnonzero(near)
+        count += len(rows)
+        _check_few(count, _MOST)
+        near[rows] = shapely.dwithin(found.shapes[at[rows]], others.shapes[of[rows]], within)
         return near
 
-    return any_pair(found, others, boxes, None, is_so=is_near)
+    return any_pair(found, others, boxes, None, is_so=is_near, most=_MOST_BOXES)
+
+
+def _check_few(count: int, most: int) -> None:
+    """Raise a HypermapError if there are too many pairs."""
+    if count > most:
+        raise HypermapError(
+            f"more than {most:,} pairs of objects would have to be compared; ask about "
+            "fewer objects, as those in one room, or a smaller distance"
+        )
 
 
 def are_between(found: Matches, one: BaseGeometry, other: BaseGeometry) -> BoolArray:
