@@ -228,6 +228,7 @@ def test_versions_before_blocks_read_all_other_files(state: MapperState) -> None
         ("shape", np.array([10, 10])),
         ("blocks", np.array([[0, 0], [24, 15], [1000, 0]])),
         ("blocks", np.array([[0, 0], [-1, 15], [23, 14]])),
+        ("blocks", np.array([[0, 0], [4, 4], [23, 14]], np.uint8)),  # 64 times 4 overflows
         ("values", np.zeros((3, 64), np.float32)),
     ],
 )
@@ -240,3 +241,26 @@ def test_damaged_blocks_are_one_error(
     arrays = {**file.arrays, f"log_odds.{name}": wrong}
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
         parse_state(dump_arrays(ArrayFile(file.facts, arrays), FORMAT, VERSION), CONFIG, "x.hmap")
+
+
+def test_nested_files_of_earlier_versions_hold_no_blocks(state: MapperState) -> None:
+    small = nearly_empty((100, 100))
+    older = in_the_older_form(with_grids(state, small, nearly_empty((1501, 1003)), small, small))
+    with pytest.raises(FormatError, match=r"of version 2; this program reads 1$"):
+        parse_state(older, CONFIG)
+    with pytest.raises(FormatError, match="is damaged: a nested file has grids in blocks"):
+        parse_state(older.replace(b'"version":2', b'"version":1'), CONFIG)
+
+
+def test_files_nested_many_times_are_read(state: MapperState) -> None:
+    empty = dataclasses.replace(
+        state, tracks=state.log[0].before.tracks, published=(), log=(), drives=(), log_odds=None
+    )
+    content = dump_state(empty)
+    for _ in range(400):
+        file = parse_arrays(content, FORMAT, VERSION, "")
+        nested = np.frombuffer(content, np.uint8)
+        lengths = np.array([len(content)])
+        arrays = {**file.arrays, "log.before": nested, "log.before_lengths": lengths}
+        content = dump_arrays(ArrayFile(file.facts, arrays), FORMAT, 1)
+    assert parse_state(content, CONFIG).log == ()

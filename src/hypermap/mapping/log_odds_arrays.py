@@ -86,6 +86,8 @@ def _joined(
 ) -> NDArray[np.float32]:
     if values.shape != (len(blocks), _SIDE, _SIDE) or values.dtype != np.float32:
         raise ValueError(f"blocks of log_odds have the shape {values.shape}")
+    if blocks.dtype != np.int64:  # others might overflow
+        raise ValueError(f"places of blocks of log_odds are of type {blocks.dtype}")
     count = -(-np.array([height, width]) // _SIDE)
     if not ((blocks >= 0) & (blocks < count)).all():
         raise ValueError("a block of log_odds is outside of the grid")

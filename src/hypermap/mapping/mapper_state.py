@@ -235,9 +235,17 @@ def _first_cell(prefix: str, arrays: _Arrays) -> NDArray[np.int64]:
 
 
 def _embedded_maps(arrays: _Arrays, config: EvidenceConfig, path: str) -> list[MapBefore]:
-    """Return the maps before each part of the log from the nested files of an earlier version."""
-    states = (parse_state(content, config, path) for content in unpacked_befores(arrays))
-    return [MapBefore(one.tracks, one.first_cell, one.log_odds) for one in states]
+    """Return the maps before each part of the log from the nested files of an earlier version.
+
+    These hold neither blocks, whose memory would count anew for each, nor nested files themselves.
+    """
+    found = []
+    for content in unpacked_befores(arrays):
+        file = parse_arrays(content, FORMAT, 1, path)
+        if are_in_blocks(file.arrays):
+            raise ValueError("a nested file has grids in blocks")
+        found += _unpacked_maps(PackedTables([file.facts], file.arrays), config, path)
+    return found
 
 
 def _alignment(learned: Any) -> tuple[float, float, bool] | None:
