@@ -240,6 +240,18 @@ def test_a_thing_that_touches_another_is_found_behind_what_is_scattered_over_its
     assert shares(found, shown == 1) == pytest.approx((1, 1), abs=0.1)
 
 
+def test_what_is_scattered_over_a_large_box_is_not_also_the_things_in_small_ones() -> None:
+    depth, shown = look(
+        FLOOR, WALL, TABLE, FAR_CUP, NEXT_CUP, (-0.5, -0.4, 1.9, -0.47, -0.37, 1.92)
+    )
+    cups, (left, top, *_) = [box_of(shown == 3), box_of(shown == 4)], box_of(shown == 5)
+    large = [left - 3, top - 3, cups[1][2] + 30, cups[1][3] + 30]
+    assert 300 < cut(depth, [large])[0].sum() < 0.05 * (large[2] - large[0]) * (large[3] - large[1])
+    found = cut(depth, [*cups, large])
+    assert set(found) >= {0, 1}
+    assert np.sum([*found.values()], axis=0).max() == 1
+
+
 def test_front_and_back_of_a_bowl_are_one_thing_and_a_box_farther_behind_is_not() -> None:
     front = (-0.15, 0.10, 1.0, 0.15, 0.25, 1.02)
     for behind, is_part in ((1.15, True), (1.3, False)):

@@ -56,15 +56,13 @@ def cut_out(
     surfaces = find_surfaces(depth, valid, camera, config)
     inside = [_Inside(surfaces, pixels) for pixels in objects]
     is_thing = (surfaces.own_border >= config.min_own_border) & (surfaces.sizes >= SPECK)
-    is_enclosed = [
-        is_thing & (found.sizes >= config.min_inside * surfaces.sizes) for found in inside
-    ]
+    least_inside = np.where(is_thing, config.min_inside * surfaces.sizes, np.inf)
     owner = np.full(len(surfaces.sizes), -1)
     by_size = sorted(range(len(objects)), key=lambda number: -len(objects[number]))
     for number in by_size:
-        owner[is_enclosed[number]] = number  # smaller ones come later
+        owner[inside[number].sizes >= least_inside] = number  # smaller ones come later
     measured = [len(pixels) + more for pixels, more in zip(objects, farther, strict=True)]
-    cut, is_again, scattered = [], [], dict[int, IntArray]()
+    cut, scattered, is_again = [], [], []
     for number, (pixels, box) in enumerate(zip(objects, boxes, strict=True)):
         is_chosen = np.zeros(len(owner), dtype=bool)
         if (own := np.flatnonzero(owner == number)).size:
@@ -73,9 +71,10 @@ def cut_out(
             is_chosen[_flat(inside[number], farther[number], surfaces.planes)] = True
         found = np.empty(len(pixels), np.int64)
         found = found[: _choose(surfaces.labels.ravel(), pixels, is_chosen, found)]
-        cut.append(_if_fitting(found, box, measured[number], valid.shape, config.min_fit))
-        if 0 < len(cut[number]) < SCATTERED * len(pixels):  # it is the object if no piece is
-            scattered[number], cut[number] = found, found[:0]
+        whole = _if_fitting(found, box, measured[number], valid.shape, config.min_fit)
+        is_little = len(whole) < SCATTERED * len(pixels)  # then it is the object if no piece is
+        cut.append(whole[:0] if is_little else whole)
+        scattered.append(whole if is_little else whole[:0])
         is_again.append(len(cut[number]) < len(found))  # then a piece must fit, too
     for place, number in enumerate(by_size if config.max_cut > 0 else ()):
         box = boxes[number]
@@ -89,12 +88,11 @@ def cut_out(
             at = surfaces, label, objects[number], farther[number]
             piece = cut_piece(*at, fit, box, camera, config)
             least = MIN_FIT if is_again[number] else config.min_fit
-            cut[number] = _if_fitting(piece, box, measured[number], valid.shape, least)
+            cut[number] = piece = _if_fitting(piece, box, measured[number], valid.shape, least)
             for larger in by_size[:place]:
-                cut[larger] = np.setdiff1d(cut[larger], cut[number], assume_unique=True)
-    for number, found in scattered.items():
-        cut[number] = cut[number] if len(cut[number]) else found
-    return cut
+                for kept in (cut, scattered):
+                    kept[larger] = np.setdiff1d(kept[larger], piece, assume_unique=True)
+    return [one if len(one) else other for one, other in zip(cut, scattered, strict=True)]
 
 
 def _if_fitting(
