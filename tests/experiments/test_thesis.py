@@ -330,7 +330,7 @@ def _command_line(process: str) -> str:
             ["ablation", "--methods", "best"],
             "--methods: the experiment `ablation` does not have it",
         ),
-        (["ablation", "--exact"], "--exact: the experiment `ablation` does not have it"),
+        (["ablation", "--pcl"], "--pcl: the experiment `ablation` does not have it"),
         (["days", "--network"], "--network: the experiment `days` does not have it"),
         (["thesis", "--drives", "3"], "--drives: the experiment `thesis` does not have it"),
         (

@@ -76,7 +76,7 @@ def command(
     exact: Annotated[
         bool,
         typer.Option(
-            "--exact",
+            "--pcl",
             help="Cut objects out exactly as PCL does for the methods of the thesis. Takes 0.5 s "
             "per frame, and not 0.01 s.",
         ),
@@ -142,7 +142,7 @@ def command(
         hypermap experiment thesis --seeds 2 --worlds lab -o quick.html
         hypermap experiment thesis --worlds dev --errors rough --sensor tof --methods default
         hypermap experiment thesis --worlds lab --methods default --method mine.yaml
-        hypermap experiment thesis --worlds lab --exact
+        hypermap experiment thesis --worlds lab --pcl
         hypermap experiment ablation --worlds lab --seeds 4
         hypermap experiment days --worlds lab --seeds 2 --drives 3 --rate 1
     """

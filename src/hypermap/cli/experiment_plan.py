@@ -26,7 +26,7 @@ DRIVES = 5
 _HAVE = {
     "--methods": ("thesis",),
     "--method": ("thesis", "ablation"),
-    "--exact": ("thesis",),
+    "--pcl": ("thesis",),
     "--parts": ("ablation",),
     "--network": ("thesis", "ablation"),
     "--drives": ("days",),
@@ -75,7 +75,7 @@ class Plan:
         given = {
             "--methods": self.methods != "all",
             "--method": bool(self.added),
-            "--exact": self.exact,
+            "--pcl": self.exact,
             "--parts": self.parts != "all",
             "--network": self.network,
             "--drives": self.drives != DRIVES,
@@ -136,7 +136,7 @@ class Plan:
         if self.methods != "all":
             options += f" --methods {shlex.quote(self.methods)}"
         if self.exact:
-            options += " --exact"
+            options += " --pcl"
         if self.parts != "all":
             options += f" --parts {shlex.quote(self.parts)}"
         if self.name == "days":

@@ -116,7 +116,8 @@ def _choose_near(edges: NDArray[np.float64], box: Box, chosen: NDArray[np.float6
         if min(y0, y1) > box[3] or max(y0, y1) < box[1] or min(x0, x1) > box[2]:
             continue
         passed, passes = passes, max(x0, x1) < box[0]
-        if passed and passes and chosen[count - 1, 2] == x0 and chosen[count - 1, 3] == y0:
+        goes_on = passed and passes and chosen[count - 1, 4] == edges[e, 4]
+        if goes_on and chosen[count - 1, 2] == x0 and chosen[count - 1, 3] == y0:
             chosen[count - 1, 2], chosen[count - 1, 3] = x1, y1
             continue
         for k in range(5):

@@ -20,13 +20,15 @@ class PerceptionConfig:
         depth_noise: standard deviation of the depth divided by its square, for "enclosed" [1/m];
             a Kinect's is 0.0015 to 0.002.
         max_gap: jump in depth between neighboring pixels, in addition to noise, at which one
-            object ends and another begins, for "enclosed" [m].
+            object ends and another begins, for "enclosed" [m]; less where the surface would be
+            steeper than any that is seen well.
         min_inside: share of a surface that must be within the box for it to belong to the object,
             for "enclosed"; boxes are often a little too small.
         min_own_border: share of a surface's depth edges at which it must be the nearer side, for
             "enclosed"; a surface that ends only behind others is background.
         max_offset: how much nearer or farther an object's parts may be than its main part, as a
             multiple of the box's larger side, for "enclosed": objects are about as deep as wide.
+            Parts of solid ones, as of a bowl, may be farther apart.
         max_cut: share of its outline at which a surface may continue past the box that cuts the
             object out of it, if the box encloses none, for "enclosed"; 0 cuts nothing out.
         min_fit: share of its box that the extent of an object must fill, for "enclosed", unless
