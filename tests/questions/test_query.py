@@ -166,3 +166,11 @@ def test_references_within_each_other_have_an_end() -> None:
         reference = {"names": ["cup"], "where": [{"relation": "near", "what": reference}]}
     with pytest.raises(FormatError, match="more than 8 nested references"):
         Query.from_json({"where": [{"relation": "near", "what": reference}]})
+
+
+@pytest.mark.parametrize("value", [False, 0, [], {}, True, 3])
+def test_what_is_no_text_is_refused_where_text_is_expected(value: Any) -> None:
+    with pytest.raises(FormatError, match=r"^measured\.layer: expected a name"):
+        Query.from_json({"measured": {"layer": value, "above": -1}})
+    with pytest.raises(FormatError, match=r"^start\.area: expected WKT"):
+        Query.from_json({"start": {"area": value}})

@@ -157,7 +157,7 @@ def _when(values: Any, where: str) -> When:
 
 def _measured(values: Any) -> Measured:
     given = _checked(values, "measured", Measured)
-    if not isinstance(given.get("layer") or "", str):
+    if not isinstance(given.get("layer", ""), str | None):
         raise FormatError("measured.layer: expected a name")
     for key in ("above", "below"):
         if given.get(key) is not None:
@@ -217,7 +217,7 @@ def _reference(values: Any, where: str) -> Reference:
         if len(point) != 2 or not all(map(_is_number, point)):
             raise FormatError(f"{where}.point: expected two finite numbers")
         given["point_xy"] = (float(point[0]), float(point[1]))
-    if not isinstance(given.get("area") or "", str):
+    if not isinstance(given.get("area", ""), str | None):
         raise FormatError(f"{where}.area: expected WKT")
     made: Reference = _made(Reference, given, where)
     return made
