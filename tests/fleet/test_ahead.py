@@ -199,6 +199,18 @@ def test_what_workers_warn_of_is_said_once(
     assert sum("no entry for the image" in line for line in lines) == 1
 
 
+def test_a_warning_with_a_longer_stamp_is_of_the_same_kind(
+    folder: Path, workers: Processes, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The first that a second worker warns of may be a later image."""
+    ahead = LookedAtAhead(open_recording(folder), workers, None)
+    lines = [f"no entry for the image at {stamp:.6f}" for stamp in (0, 10, 1700000000)]
+    with caplog.at_level(logging.WARNING, "hypermap"):
+        for line in [*lines, "another line"]:
+            ahead._log_warnings(Looked(warnings=(line,)))
+    assert [record.getMessage() for record in caplog.records] == [lines[0], "another line"]
+
+
 def test_frames_that_are_not_keyframes_are_only_read(folder: Path, workers: Processes) -> None:
     pending = next(iter(open_recording(folder).pending()))
     ahead = LookedAtAhead(open_recording(folder), workers, None)

@@ -16,6 +16,7 @@ import shapely
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import save_map
+from hypermap.ros.nodes import Address, run_map_server
 
 from .. import prepared
 from .conftest import wait_for
@@ -53,6 +54,25 @@ def test_the_command_is_a_node_of_ros_1(rospy, start, tmp_path, number):
     assert wait_for(answered, "an answer").name == "chair"
     assert server.stop(number, timeout=240.0) == 0
     assert "Traceback" not in server.output
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_before_the_node_runs_is_a_clean_end(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Clients are told where the server listens before it has loaded its map."""
+    pytest.importorskip("foxglove")
+    from hypermap.ros.server import map_server
+
+    class Interrupted(map_server.MapServer):
+        def __init__(self, *arguments: object) -> None:
+            signal.raise_signal(number)
+            raise AssertionError("it goes on")
+
+    monkeypatch.setattr(map_server, "MapServer", Interrupted)
+    before = signal.getsignal(number)
+    run_map_server(["none.hmap"], middleware="foxglove", address=Address(port=0))
+    assert signal.getsignal(number) is before
 
 
 INTERRUPTED = """

@@ -227,12 +227,16 @@ def command(
     arguments = ros_arguments(context)
 
     from hypermap.ros.mapper.semantic_mapper import SemanticMapper
-    from hypermap.ros.nodes import make_port, run_node
+    from hypermap.ros.nodes import opened_port, run_node
 
-    port = make_port(SemanticMapper, arguments, middleware, {**given, **parse_params(param)})
-    node = SemanticMapper(port)
-    with status_line(node.report, node.__len__), _written(node, store, spool, robot, most_refused):
-        run_node(port, node)
+    own = {**given, **parse_params(param)}
+    with opened_port(SemanticMapper, arguments, middleware, own) as port:
+        node = SemanticMapper(port)
+        with (
+            status_line(node.report, node.__len__),
+            _written(node, store, spool, robot, most_refused),
+        ):
+            run_node(port, node)
 
 
 @contextlib.contextmanager

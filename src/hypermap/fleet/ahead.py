@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 import logging
+import re
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -154,7 +155,7 @@ class LookedAtAhead(SameRecording):
     def _log_warnings(self, looked: Looked) -> None:
         """Log what workers have logged, each kind of line once, as one process would."""
         for line in looked.warnings:
-            kind = "".join("#" if letter.isdigit() else letter for letter in line)
+            kind = re.sub(r"\d+", "#", line)  # stamps have more digits later
             if kind not in self._warned:
                 self._warned.add(kind)
                 _log.warning("%s", line)

@@ -10,8 +10,8 @@ import contextlib
 import importlib.util
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -76,10 +76,10 @@ def run_map_server(
     own, ros = split_arguments(argv)
     if len(own) > 1:
         raise HypermapError(f"the map server takes one map, not {len(own)}: {' '.join(own)}")
-    port = make_port(MapServer, ros, middleware, dict(values or {}), address)
-    server = MapServer(port, own[0] if own else None, source)
-    with nullcontext() if beside is None else beside(server):
-        run_node(port, server)
+    with opened_port(MapServer, ros, middleware, dict(values or {}), address) as port:
+        server = MapServer(port, own[0] if own else None, source)
+        with nullcontext() if beside is None else beside(server):
+            run_node(port, server)
 
 
 def run_semantic_mapper(
@@ -98,8 +98,8 @@ def run_semantic_mapper(
     own, ros = split_arguments(argv)
     if own:
         raise HypermapError(f"the semantic mapper does not know the argument {own[0]!r}")
-    port = make_port(SemanticMapper, ros, middleware, dict(values or {}), address)
-    run_node(port, SemanticMapper(port))
+    with opened_port(SemanticMapper, ros, middleware, dict(values or {}), address) as port:
+        run_node(port, SemanticMapper(port))
 
 
 def run_first_mapper(argv: Sequence[str] = ()) -> None:
@@ -109,8 +109,8 @@ def run_first_mapper(argv: Sequence[str] = ()) -> None:
     own, ros = split_arguments(argv)
     if own:
         raise HypermapError(f"the semantic mapper does not know the argument {own[0]!r}")
-    port = make_port(FirstMapper, ros, "ros1", {})
-    run_node(port, FirstMapper(port))
+    with opened_port(FirstMapper, ros, "ros1", {}) as port:
+        run_node(port, FirstMapper(port))
 
 
 def split_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -149,14 +149,17 @@ def found_middleware() -> Literal["ros1", "ros2"]:
     raise HypermapError(_NO_ROS)
 
 
-def make_port(
+@contextmanager
+def opened_port(
     node: type[MapServer] | type[SemanticMapper],
     ros_arguments: Sequence[str],
     middleware: Middleware,
     values: Mapping[str, Value],
     address: Address | None = None,
-) -> Port:
-    """Return the middleware for a node.
+) -> Iterator[Port]:
+    """Yield the middleware for a node, and shut it down in the end.
+
+    A signal that it takes, and that comes before the node runs, ends the context as usual, too.
 
     Args:
         node: the node's class: its name, unless the ROS arguments give it another, and parameters.
@@ -169,6 +172,21 @@ def make_port(
         HypermapError: If the middleware is missing or does not answer, or the node has no such
             parameter.
     """
+    with _usual_end():
+        port = _port(node, ros_arguments, middleware, values, address)
+        try:
+            yield port
+        finally:
+            port.shut_down()
+
+
+def _port(
+    node: type[MapServer] | type[SemanticMapper],
+    ros_arguments: Sequence[str],
+    middleware: Middleware,
+    values: Mapping[str, Value],
+    address: Address | None,
+) -> Port:
     from hypermap.ros.parameters import check_names
 
     name = node.NAME
@@ -209,29 +227,41 @@ def run_node(port: Port, node: Node) -> None:
     takes the node and brings it to life as the middleware's users expect it. Where a callback of it
     does not end (`is_stuck`), the program ends all the same.
     """
-    manage = getattr(port, "manage", None)
     try:
-        if manage is not None:
-            manage(node)
-            port.spin()
-            return
-        node.configure()
-        try:
-            node.activate()
-            port.spin()
-        finally:
-            node.deactivate()
-            node.cleanup()
-    except KeyboardInterrupt:  # a usual way to end a node
-        # CPython remembers an interrupt that came within exec(), as when a dataclass is imported,
-        # and would end by SIGINT whatever we return; the next exec() lets it forget.
-        exec("")
+        with _usual_end():
+            _live(port, node)
     finally:
         port.shut_down()
         if getattr(port, "is_stuck", False):
             from hypermap.ros.ros2.ending import end_program_soon
 
             end_program_soon()
+
+
+def _live(port: Port, node: Node) -> None:
+    manage = getattr(port, "manage", None)
+    if manage is not None:
+        manage(node)
+        port.spin()
+        return
+    node.configure()
+    try:
+        node.activate()
+        port.spin()
+    finally:
+        node.deactivate()
+        node.cleanup()
+
+
+@contextmanager
+def _usual_end() -> Iterator[None]:
+    """End the context on an interrupt as if it had ended by itself: nodes usually end that way."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        # CPython remembers an interrupt that came within exec(), as when a dataclass is imported,
+        # and would end by SIGINT whatever we return; the next exec() lets it forget.
+        exec("")
 
 
 def private_texts(arguments: Sequence[str], parameters: Sequence[Parameter]) -> list[str]:
