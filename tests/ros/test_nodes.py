@@ -75,6 +75,19 @@ def test_a_signal_before_the_node_runs_is_a_clean_end(
     assert signal.getsignal(number) is before
 
 
+def test_a_signal_while_the_middleware_starts_is_a_clean_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("foxglove")
+    from hypermap.ros.foxglove import port
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(port, "FoxglovePort", interrupted)
+    run_map_server(["none.hmap"], middleware="foxglove", address=Address(port=0))
+
+
 INTERRUPTED = """
 from hypermap.ros.nodes import run_node
 

@@ -227,10 +227,10 @@ def command(
     arguments = ros_arguments(context)
 
     from hypermap.ros.mapper.semantic_mapper import SemanticMapper
-    from hypermap.ros.nodes import opened_port, run_node
+    from hypermap.ros.nodes import opened_port, run_node, usual_end
 
     own = {**given, **parse_params(param)}
-    with opened_port(SemanticMapper, arguments, middleware, own) as port:
+    with usual_end(), opened_port(SemanticMapper, arguments, middleware, own) as port:
         node = SemanticMapper(port)
         with (
             status_line(node.report, node.__len__),

@@ -76,7 +76,7 @@ def run_map_server(
     own, ros = split_arguments(argv)
     if len(own) > 1:
         raise HypermapError(f"the map server takes one map, not {len(own)}: {' '.join(own)}")
-    with opened_port(MapServer, ros, middleware, dict(values or {}), address) as port:
+    with usual_end(), opened_port(MapServer, ros, middleware, dict(values or {}), address) as port:
         server = MapServer(port, own[0] if own else None, source)
         with nullcontext() if beside is None else beside(server):
             run_node(port, server)
@@ -98,7 +98,10 @@ def run_semantic_mapper(
     own, ros = split_arguments(argv)
     if own:
         raise HypermapError(f"the semantic mapper does not know the argument {own[0]!r}")
-    with opened_port(SemanticMapper, ros, middleware, dict(values or {}), address) as port:
+    with (
+        usual_end(),
+        opened_port(SemanticMapper, ros, middleware, dict(values or {}), address) as port,
+    ):
         run_node(port, SemanticMapper(port))
 
 
@@ -109,7 +112,7 @@ def run_first_mapper(argv: Sequence[str] = ()) -> None:
     own, ros = split_arguments(argv)
     if own:
         raise HypermapError(f"the semantic mapper does not know the argument {own[0]!r}")
-    with opened_port(FirstMapper, ros, "ros1", {}) as port:
+    with usual_end(), opened_port(FirstMapper, ros, "ros1", {}) as port:
         run_node(port, FirstMapper(port))
 
 
@@ -150,6 +153,17 @@ def found_middleware() -> Literal["ros1", "ros2"]:
 
 
 @contextmanager
+def usual_end() -> Iterator[None]:
+    """End the context on an interrupt as if it had ended by itself: nodes usually end that way."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        # CPython remembers an interrupt that came within exec(), as when a dataclass is imported,
+        # and would end by SIGINT whatever we return; the next exec() lets it forget.
+        exec("")
+
+
+@contextmanager
 def opened_port(
     node: type[MapServer] | type[SemanticMapper],
     ros_arguments: Sequence[str],
@@ -159,7 +173,7 @@ def opened_port(
 ) -> Iterator[Port]:
     """Yield the middleware for a node, and shut it down in the end.
 
-    A signal that it takes, and that comes before the node runs, ends the context as usual, too.
+    It takes signals already: one that comes before the node runs is for `usual_end`.
 
     Args:
         node: the node's class: its name, unless the ROS arguments give it another, and parameters.
@@ -172,12 +186,11 @@ def opened_port(
         HypermapError: If the middleware is missing or does not answer, or the node has no such
             parameter.
     """
-    with _usual_end():
-        port = _port(node, ros_arguments, middleware, values, address)
-        try:
-            yield port
-        finally:
-            port.shut_down()
+    port = _port(node, ros_arguments, middleware, values, address)
+    try:
+        yield port
+    finally:
+        port.shut_down()
 
 
 def _port(
@@ -228,7 +241,7 @@ def run_node(port: Port, node: Node) -> None:
     does not end (`is_stuck`), the program ends all the same.
     """
     try:
-        with _usual_end():
+        with usual_end():
             _live(port, node)
     finally:
         port.shut_down()
@@ -251,17 +264,6 @@ def _live(port: Port, node: Node) -> None:
     finally:
         node.deactivate()
         node.cleanup()
-
-
-@contextmanager
-def _usual_end() -> Iterator[None]:
-    """End the context on an interrupt as if it had ended by itself: nodes usually end that way."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        # CPython remembers an interrupt that came within exec(), as when a dataclass is imported,
-        # and would end by SIGINT whatever we return; the next exec() lets it forget.
-        exec("")
 
 
 def private_texts(arguments: Sequence[str], parameters: Sequence[Parameter]) -> list[str]:
