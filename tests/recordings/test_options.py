@@ -22,7 +22,14 @@ def test_six_numbers_and_the_matrix_say_the_same_pose() -> None:
     matrix = RecordingOptions(map_T_world=TURNED).world_pose()
     assert six == pytest.approx(matrix)
     rows = [TURNED[i : i + 4] for i in range(0, 16, 4)]
-    for given in (rows, np.array(rows), np.array(TURNED), np.array(rows, dtype=np.float32)):
+    without_last = rows[:3], TURNED[:12]  # as KITTI and others write poses
+    for given in (
+        rows,
+        np.array(rows),
+        np.array(TURNED),
+        np.array(rows, dtype=np.float32),
+        *without_last,
+    ):
         options = RecordingOptions(map_T_world=given)
         np.testing.assert_array_equal(options.world_pose(), matrix)
         assert options == RecordingOptions(map_T_world=TURNED)
@@ -61,8 +68,8 @@ def test_intrinsics_become_a_camera() -> None:
         ),
         (
             {"map_T_world": [0] * 7},
-            "map_T_world must be 6 numbers (x, y, z, roll, pitch, yaw) or 16 numbers (the rows of "
-            "a 4 x 4 matrix), got 7",
+            "map_T_world must be 6 numbers (x, y, z, roll, pitch, yaw), 12 numbers (the rows of a "
+            "3 x 4 matrix) or 16 numbers (the rows of a 4 x 4 matrix), got 7",
         ),
         (
             {"map_T_world": [2.0 * x for x in TURNED]},
@@ -74,7 +81,7 @@ def test_intrinsics_become_a_camera() -> None:
         ),
         (
             {"map_T_world": np.eye(3)},
-            "map_T_world must be a 4 x 4 matrix, got one of shape (3, 3)",
+            "map_T_world must be a 3 x 4 or 4 x 4 matrix, got one of shape (3, 3)",
         ),
         (
             {"map_T_world": ["up", 2, 3, 4, 5, 6]},

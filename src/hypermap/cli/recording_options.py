@@ -38,7 +38,7 @@ OPTIONS = {
     "map_T_world": _Option(
         str,
         "X,Y,Z,ROLL,PITCH,YAW",
-        "Pose of the recording's world in the map (meters, radians), or a 4 x 4 "
+        "Pose of the recording's world in the map (meters, radians), or a 3 x 4 or 4 x 4 "
         "matrix in row-major order. Needed if its z axis does not point up.",
         "--world-transform",
     ),
@@ -55,8 +55,8 @@ OPTIONS = {
     "color_T_depth": _Option(
         str,
         "X,Y,Z,ROLL,PITCH,YAW",
-        "Pose of the depth camera in the color camera (meters, radians), or a 4 x 4 matrix in "
-        "row-major order, for --register.",
+        "Pose of the depth camera in the color camera (meters, radians), or a 3 x 4 or 4 x 4 "
+        "matrix in row-major order, for --register.",
         "--depth-transform",
     ),
     "map_frame": _Option(

@@ -23,8 +23,8 @@ class RecordingOptions:
     Attributes:
         intrinsics: fx, fy, cx, cy of the depth images [pixels]; None takes the recording's own.
         map_T_world: pose of the recording's world in the map, whose z axis must point up, as x, y,
-            z [m], roll, pitch, yaw [rad], or as a 4 x 4 matrix: an array, its rows, or its 16
-            numbers row by row.
+            z [m], roll, pitch, yaw [rad], or as a 3 x 4 or 4 x 4 matrix: an array, its rows, or
+            its numbers row by row.
         map_frame: the fixed frame of a bag in which the map is made, z up; None takes `map`, or,
             where tf has no such frame, the root of tf above the camera.
         camera_frame: the optical frame of a bag's camera; None takes it from the depth messages.
@@ -148,7 +148,11 @@ class RecordingOptions:
         if getattr(self, name) is not None:
             numbers = _row_by_row(name, getattr(self, name))
             object.__setattr__(self, name, numbers)  # as tuples, options can be compared
-            meanings = {6: "x, y, z, roll, pitch, yaw", 16: "the rows of a 4 x 4 matrix"}
+            meanings = {
+                6: "x, y, z, roll, pitch, yaw",
+                12: "the rows of a 3 x 4 matrix",
+                16: "the rows of a 4 x 4 matrix",
+            }
             _check_numbers(name, numbers, meanings)
             _matrix(name, numbers)
 
@@ -191,14 +195,16 @@ def _row_by_row(name: str, numbers: ArrayLike) -> tuple[float, ...]:
         array = np.asarray(numbers, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name} must be numbers: {error}") from None
-    if array.ndim > 1 and array.shape != (4, 4):
-        raise ValueError(f"{name} must be a 4 x 4 matrix, got one of shape {array.shape}")
-    return tuple(array.ravel().tolist())
+    if array.ndim > 1 and array.shape not in ((3, 4), (4, 4)):
+        raise ValueError(f"{name} must be a 3 x 4 or 4 x 4 matrix, got one of shape {array.shape}")
+    row_by_row = tuple(array.ravel().tolist())
+    return (*row_by_row, 0.0, 0.0, 0.0, 1.0) if len(row_by_row) == 12 else row_by_row
 
 
 def _check_numbers(name: str, numbers: Sequence[float], meanings: dict[int, str]) -> None:
     if len(numbers) not in meanings:
-        expected = " or ".join(f"{n} numbers ({what})" for n, what in meanings.items())
+        *others, last = (f"{n} numbers ({what})" for n, what in meanings.items())
+        expected = f"{', '.join(others)} or {last}" if others else last
         raise ValueError(f"{name} must be {expected}, got {len(numbers)}")
     if not all(abs(number) <= sys.float_info.max for number in numbers):  # false for NaN
         raise ValueError(f"{name} must be finite numbers, got {tuple(numbers)}")
