@@ -29,7 +29,7 @@ from hypermap.simulation import DetectorNoise, SimulatedRecording, errors_of_lev
 from hypermap.simulation.network import named_for_network
 from hypermap.simulation.sightings import Sightings
 from hypermap.simulation.trajectory import DrivePlan
-from hypermap.simulation.world import FloorPlan, World, WorldObject
+from hypermap.simulation.world import FloorPlan, World, WorldObject, load_world
 
 from ..prepared import run
 
@@ -104,6 +104,17 @@ def test_figures_say_what_bounds_recall_and_what_they_were_made_with(
     assert made["versions"]["numpy"] == np.__version__
     assert made["errors"]["poses"]["drift"] == 0
     assert made["methods"][OURS]["evidence"]["fusion"] == "votes"
+
+
+def test_a_world_in_the_figures_is_a_world_file(
+    report: tuple[str, dict, str], tmp_path: Path
+) -> None:
+    """So an experiment with a world of one's own can be repeated from its figures alone."""
+    described = report[1]["made_with"]["worlds"]["studio"]
+    files = tmp_path / "studio.yaml", tmp_path / "again.yaml"
+    for file, text in zip(files, (WORLD, json.dumps(described)), strict=True):
+        file.write_text(text, encoding="utf-8")
+    assert load_world(files[1]) == load_world(files[0])
 
 
 def test_the_table_and_the_page_show_the_figures(report: tuple[str, dict, str]) -> None:

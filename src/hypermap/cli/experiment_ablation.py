@@ -26,7 +26,7 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     output = output or Path("ablation.html")
     name, whole = _configuration(plan.added)
     parts = chosen_parts(whole, plan.parts)
-    made = made_with(plan.errors, parts)
+    made = made_with(plan.described_worlds, plan.errors, parts)
     check_outputs(output, replace)
     results = plan.map(parts)
     tables = tables_of(results)

@@ -45,7 +45,7 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
         "worlds": {name: _figures(tallies) for name, tallies in found.items()},
         "series": [_record(tally) for tallies in found.values() for tally in tallies],
         "command": plan.command,
-        "made_with": made_with(plan.errors, {"default": config}),
+        "made_with": made_with(plan.described_worlds, plan.errors, {"default": config}),
     }
     write_file(figures, json.dumps(data, indent=1).encode())
     if as_json:

@@ -25,7 +25,7 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
 
     output = output or Path("thesis.html")
     methods = chosen_methods(plan.methods, plan.added, plan.exact)
-    made = made_with(plan.errors, methods)
+    made = made_with(plan.described_worlds, plan.errors, methods)
     check_outputs(output, replace)
     results = plan.map(methods)
     data = {**to_data(results), "command": plan.command, "made_with": made}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 
@@ -22,7 +22,7 @@ from hypermap.experiments.confusion import Confusion
 from hypermap.experiments.localization import LIMITS, localization_curve
 from hypermap.experiments.methods import OURS, PUBLISHED, Method, settings_of
 from hypermap.experiments.results import MEASURES, Data, WorldResult, mean
-from hypermap.simulation import Errors
+from hypermap.simulation import Errors, World
 
 POSE_ERRORS = ("ate", "ate_deg", "rpe", "rpe_deg")
 
@@ -41,10 +41,11 @@ def to_data(results: Sequence[WorldResult]) -> Data:
     }
 
 
-def made_with(errors: Errors, methods: Mapping[str, Method]) -> Data:
-    """Return all that figures depend on besides worlds and seeds: versions and settings.
+def made_with(worlds: Iterable[World], errors: Errors, methods: Mapping[str, Method]) -> Data:
+    """Return all that figures depend on besides seeds: versions, settings and what is in a world.
 
     Args:
+        worlds: as their files describe them; a seed may move and change furniture.
         errors: of the drives.
         methods: by name.
     """
@@ -55,6 +56,7 @@ def made_with(errors: Errors, methods: Mapping[str, Method]) -> Data:
             "python": platform.python_version(),
             **{name: version(name) for name in packages},
         },
+        "worlds": {world.name: asdict(world) for world in worlds},
         "errors": _finite(asdict(errors)),
         "methods": {name: _finite(settings_of(method)) for name, method in methods.items()},
     }
