@@ -50,9 +50,9 @@ types: $(VENV)/.dev  ## strict type check, with Python 3.11
 	scripts/types.sh
 
 tests: $(VENV)/.dev $(PAGE)  ## all tests and the examples in the documents
-	# Else each worker compiles the same loops, and the same tests.
+	# First what each worker would compile: loops and tests. At last the slowest tests are named.
 	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n0 -q --collect-only >/dev/null & $(BIN)/hypermap warm-up && wait
-	$(ENDING) $(BIN)/pytest -n $(WORKERS) --dist loadgroup
+	$(ENDING) $(BIN)/pytest -n $(WORKERS) --dist loadgroup --durations=10
 
 coverage: $(VENV)/.dev $(PAGE)  ## all tests, and which lines they reach: takes half as long again
 	$(BIN)/pytest -n $(WORKERS) --dist loadgroup --cov --cov-report=term --cov-report=xml
