@@ -192,7 +192,8 @@ def test_votes_are_counted_as_shapely_decides_about_each_cell(
     each = PreparedPolygon.of(polygon).edges
     edges, counts = np.vstack([each, each]), np.full((2, 2), len(each))
     weights, steps = np.array([1.0, 2.0]), np.zeros((grid.height, grid.width + 1))
-    _add_steps(edges, counts, 0, weights, np.zeros((2, 2)), 1.0, (0.0, 0.0, 1.0), steps)
+    place = (0.0, 0.0, 1.0)
+    _add_steps(edges, counts, 0, weights, np.zeros((2, 2)), 1.0, grid.shape, place, steps)
     counted = np.cumsum(steps[:, :-1], axis=1)
     rows, cols = np.indices(grid.shape)
     centers = shapely.points(grid.centers(rows.ravel(), cols.ravel()))

@@ -33,13 +33,16 @@ class Column(Generic[Item]):
 
     def append(self, row: ArrayLike) -> None:
         """Add a row."""
-        self._reserve(1)
+        if self._end == len(self._room):
+            self._grow(1)
         self._room[self._end] = row
-        self.extend(1)
+        self._end += 1
+        self.values = self._room[self._begin : self._end]
 
     def room_for(self, count: int) -> NDArray[Item]:
         """Return room for so many rows behind the last one, to fill; `extend` adds them."""
-        self._reserve(count)
+        if self._end + count > len(self._room):
+            self._grow(count)
         return self._room[self._end : self._end + count]
 
     def extend(self, count: int) -> None:
@@ -47,14 +50,11 @@ class Column(Generic[Item]):
         self._end += count
         self.values = self._room[self._begin : self._end]
 
-    def _reserve(self, more: int) -> None:
-        if self._end + more > len(self._room):
-            count = len(self)
-            room = np.empty(
-                (max(8, 2 * count, count + more), *self._room.shape[1:]), self._room.dtype
-            )
-            room[:count] = self.values
-            self._room, self._begin, self._end = room, 0, count
+    def _grow(self, more: int) -> None:
+        count = len(self)
+        room = np.empty((max(8, 2 * count, count + more), *self._room.shape[1:]), self._room.dtype)
+        room[:count] = self.values
+        self._room, self._begin, self._end = room, 0, count
 
     def keep(self, wanted: BoolArray) -> None:
         """Remove the rows that are not wanted, shape (N,)."""

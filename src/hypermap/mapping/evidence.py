@@ -399,8 +399,8 @@ class EvidenceMap:
         """Note the stamp since which each track is gone."""
         self._note_times()
         is_gone = self._tracks.existence <= GONE
-        was_gone = ~np.isnan(self._tracks.times[:, 3])
-        for row in np.flatnonzero(is_gone != was_gone).tolist():
+        was_there = np.isnan(self._tracks.times[:, 3])
+        for row in (is_gone == was_there).nonzero()[0].tolist():
             self._touch(row).gone_since = stamp if is_gone[row] else None
 
     def _follow_moves(self, stamp: float = math.inf) -> None:

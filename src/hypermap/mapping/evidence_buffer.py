@@ -299,8 +299,8 @@ class EvidenceBuffer:
     def heights(self) -> tuple[float, float]:
         """Return the median lowest and highest point of the kept evidence [m]."""
         if self._heights is None:
-            low = statistics.median(evidence.z_min for evidence in self.items)
-            high = statistics.median(evidence.z_max for evidence in self.items)
+            low = statistics.median([evidence.z_min for evidence in self.items])
+            high = statistics.median([evidence.z_max for evidence in self.items])
             self._heights = float(low), float(high)
         return self._heights
 
@@ -340,7 +340,8 @@ class EvidenceBuffer:
         and for a few ones in a later drive: they may be of what has taken the object's place.
         """
         if self._surely_there is None:
-            self._surely_there = self._began(), self._left()
+            of_one_drive = self.first_seen, self.last_seen
+            self._surely_there = (self._began(), self._left()) if self.has_gap else of_one_drive
         return self._surely_there
 
     def _began(self) -> float:

@@ -26,6 +26,9 @@ class JoinedViews:
     Whether a cell is in a visible area is decided by edges that cross its row, to its left. Of
     each area, only edges are kept that do so in a box around the object; where consecutive ones
     pass the box on its left, the straight line from the first to the last point does the same.
+
+    Attributes:
+        box: the one around the object, in which `near` holds: xmin, ymin, xmax, ymax [m].
     """
 
     def __init__(self, items: Iterable[Evidence]) -> None:
@@ -33,7 +36,7 @@ class JoinedViews:
         self._edges = Column(np.empty((0, 5)))
         self._near = Column(np.empty((0, 5)))
         self._counts = Column(np.empty((0, 2), np.int64))
-        self._box: Box = _NOWHERE  # the one around the object
+        self.box: Box = _NOWHERE
         for item in items:
             self.add(item)
 
@@ -49,7 +52,7 @@ class JoinedViews:
 
     @property
     def near(self) -> NDArray[np.float64]:
-        """The edges of all visible areas that matter in the box of `look_at`, shape (A, 5)."""
+        """The edges of all visible areas that matter in `box`, shape (A, 5)."""
         return self._near.values
 
     @property
@@ -61,16 +64,13 @@ class JoinedViews:
         return self._counts.values
 
     def look_at(self, box: Box, items: Iterable[Evidence]) -> None:
-        """Let `near` and `counts` hold for a box.
+        """Let `near` and `counts` hold for a box, and a little around it.
 
         Args:
             box: xmin, ymin, xmax, ymax [m].
             items: the pieces of evidence that were added and not removed.
         """
-        left, bottom, right, top = self._box
-        if left <= box[0] and bottom <= box[1] and right >= box[2] and top >= box[3]:
-            return
-        self._box = box[0] - _MARGIN, box[1] - _MARGIN, box[2] + _MARGIN, box[3] + _MARGIN
+        self.box = box[0] - _MARGIN, box[1] - _MARGIN, box[2] + _MARGIN, box[3] + _MARGIN
         self._near = Column(np.empty((0, 5)))
         for row, item in enumerate(items):
             self.counts[row, 1] = self._add_near(item)
@@ -96,7 +96,7 @@ class JoinedViews:
         area = item.prepared_area.edges
         if len(area) == 0:
             return -1
-        count = int(_choose_near(area, self._box, self._near.room_for(len(area))))
+        count = int(_choose_near(area, self.box, self._near.room_for(len(area))))
         self._near.extend(count)
         return count
 

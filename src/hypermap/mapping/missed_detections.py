@@ -91,8 +91,9 @@ def _penalize_by_rays(
     """Lower the existence of tracks by the rays of a frame: misses and see-throughs."""
     near = tracks.shapes.within(_EVERYWHERE, view.position[:2], config.max_range)
     rows = [row for row in near if row not in shown]
-    samples = tracks.shapes.samples(rows)
-    seen = visible_shares(view, samples, tracks.shapes.heights[rows], config.tolerance)
+    chosen = np.array(rows, np.int64)
+    samples = tracks.shapes.samples(chosen)
+    seen = visible_shares(view, samples, tracks.shapes.heights, config.tolerance, chosen)
     is_missed = seen.visible >= _VISIBLE
     if not is_missed.any():
         return
@@ -102,7 +103,7 @@ def _penalize_by_rays(
         if stamp - buffer.last_seen > STALE:
             loss = config.stale_loss if is_gone[i] else config.loss
             if not is_gone[i] and buffer.count >= _WELL_SEEN:
-                is_large = samples.widths[i] > 2 * config.tolerance
+                is_large = samples.widths[rows[i]] > 2 * config.tolerance
                 is_filled = is_large and 1 - seen.beyond[i] / seen.visible[i] >= _FILLED
                 if not is_filled or _touches_another(tracks, rows[i], shown):
                     loss = config.stale_miss
@@ -187,10 +188,8 @@ def _penalize_by_area(
 def _penalize_conflicts(tracks: TrackTable, shown: Rows, config: EvidenceConfig) -> None:
     """Lower the existence of tracks in whose place the frame shows another class (conflicts)."""
     shapes = tracks.shapes
-    for row in shown:
-        shape, (low, high) = shapes.polygons[row], shapes.heights[row].tolist()
-        near = [other for other in shapes.near(None, shape.box) if other not in shown]
-        near = [other for other in near if shapes.classes[other] != shapes.classes[row]]
-        for other, ious in zip(near, footprint_ious(shape, (low, high), shapes, near), strict=True):
-            if ious >= config.min_contested:
-                tracks.change_existence(other, -config.contested)
+    for row, other in shapes.others_near(shown):
+        low, high = shapes.heights[row].tolist()
+        (iou,) = footprint_ious(shapes.polygons[row], (low, high), shapes, [other])
+        if iou >= config.min_contested:
+            tracks.change_existence(other, -config.contested)

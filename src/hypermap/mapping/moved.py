@@ -15,7 +15,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, as_objects
+from hypermap._loops import loop
+from hypermap.core.arrays import BoolArray, IntArray, as_objects
 from hypermap.history.likeness import FARTHEST, MAY_BE, SAME_SHAPE, likeness
 from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import Fusion
@@ -94,21 +95,58 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
 
 def _gone_and_new(tracks: TrackTable, config: EvidenceConfig) -> tuple[list[int], list[int]]:
     """Return the rows of gone tracks, and of new ones of their classes; both empty if one is."""
-    objects = tracks.objects
-    first, last, last_seen, _ = tracks.times.T
-    is_there = (tracks.existence > config.publish_above) & ~tracks.is_edited
-    newest = first[is_there].max(initial=-np.inf)
-    is_gone = (tracks.existence <= GONE) & (last < newest)
-    is_gone |= last < newest - STALE  # or may be, because it was not looked at yet
-    is_gone &= ~tracks.is_edited
-    gone = [row for row in is_gone.nonzero()[0].tolist() if objects[row].buffer.count >= CONFIRMED]
+    objects, found = tracks.objects, np.empty((2, len(tracks.objects)), np.int64)
+    counts = _may_have_moved(
+        tracks.times, tracks.existence, tracks.is_edited, (GONE, config.publish_above, STALE), found
+    )
+    gone = [row for row in found[0, : counts[0]].tolist() if objects[row].buffer.count >= CONFIRMED]
     if not gone:
         return [], []
-    is_there &= first > last_seen.max() - STALE  # ids that people have known for longer stay
-    is_there &= first > last[gone].min()
-    names = {objects[row].name for row in gone}
-    there = [row for row in is_there.nonzero()[0].tolist() if objects[row].name in names]
+    new, names = found[1, : counts[1]], {objects[row].name for row in gone}
+    new = new[tracks.times[new, 0] > tracks.times[gone, 1].min()]
+    there = [row for row in new.tolist() if objects[row].name in names]
     return (gone, there) if there else ([], [])
+
+
+@loop()
+def _may_have_moved(
+    times: NDArray[np.float64],
+    existence: NDArray[np.float64],
+    is_edited: BoolArray,
+    limits: tuple[float, float, float],
+    found: IntArray,
+) -> tuple[int, int]:
+    """Find the tracks that are gone or may be, and those that are new, by their stamps.
+
+    Args:
+        times: as `TrackTable.times`, as `existence` and `is_edited`.
+        existence: likewise.
+        is_edited: likewise.
+        limits: up to which existence a track is gone, from which on it is there, and the seconds
+            after which a place may have changed.
+        found: filled with the rows of the gone ones, and of the new ones, shape (2, N).
+
+    Returns:
+        How many there are of each.
+    """
+    begun = seen = -np.inf  # the newest first stamp of a track that is there, and the newest stamp
+    for row in range(len(times)):
+        seen = max(seen, times[row, 2])
+        if existence[row] > limits[1] and not is_edited[row]:
+            begun = max(begun, times[row, 0])
+    gone = new = 0
+    for row in range(len(times)):
+        first, last = times[row, 0], times[row, 1]
+        # One that was not looked at yet since an earlier drive may be gone.
+        is_gone = last < begun - limits[2] or (existence[row] <= limits[0] and last < begun)
+        if is_gone and not is_edited[row]:
+            found[0, gone] = row
+            gone += 1
+        is_there = existence[row] > limits[1] and not is_edited[row]
+        if is_there and first > seen - limits[2]:  # ids that people have known for longer stay
+            found[1, new] = row
+            new += 1
+    return gone, new
 
 
 def _gone_since(tracks: TrackTable, gone: Sequence[int]) -> NDArray[np.float64]:

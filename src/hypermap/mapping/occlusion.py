@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap._loops import inner_loop, loop
+from hypermap.core.arrays import IntArray
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.perception.depth_view import NEAREST, DepthView
 
@@ -129,7 +130,11 @@ class SeenShares:
 
 
 def visible_shares(
-    view: DepthView, samples: SamplePoints, heights: NDArray[np.float64], tolerance: float
+    view: DepthView,
+    samples: SamplePoints,
+    heights: NDArray[np.float64],
+    tolerance: float,
+    rows: IntArray | None = None,
 ) -> SeenShares:
     """Return how much of each object a frame could see, and how much it saw through.
 
@@ -142,8 +147,10 @@ def visible_shares(
         samples: of the N objects.
         heights: lowest and highest point of each object [m], shape (N, 2).
         tolerance: error of the measured surface of an object [m].
+        rows: of the objects to look at; None for all.
     """
-    found = np.empty((3, len(heights)))
+    rows = np.arange(len(heights)) if rows is None else rows
+    found = np.empty((3, len(rows)))
     _count_seen(
         view.reach,
         view.camera.K,
@@ -152,6 +159,7 @@ def visible_shares(
         samples.xy,
         samples.widths,
         heights,
+        rows,
         tolerance,
         found,
     )
@@ -167,6 +175,7 @@ def _count_seen(
     xy: NDArray[np.float64],
     widths: NDArray[np.float64],
     heights: NDArray[np.float64],
+    rows: IntArray,
     tolerance: float,
     found: NDArray[np.float64],
 ) -> None:
@@ -179,12 +188,14 @@ def _count_seen(
         around: of the samples of each object, shape (N, 8, 2).
         xy: likewise, shape (N, 9, 2).
         widths: likewise, shape (N,).
-        heights: as in `visible_shares`, as `tolerance`.
+        heights: as in `visible_shares`, as `rows` and `tolerance`.
+        rows: likewise.
         tolerance: likewise.
-        found: filled with the shares, shape (3, N).
+        found: filled with the shares, shape (3, R).
     """
     T = map_T_camera
-    for i in range(len(widths)):
+    for n in range(len(rows)):
+        i = rows[n]
         nearest, farthest, mean = np.inf, 0.0, 0.0
         for k in range(around.shape[1]):
             far = np.hypot(around[i, k, 0] - T[0, 3], around[i, k, 1] - T[1, 3])
@@ -204,8 +215,8 @@ def _count_seen(
                     through += far > farthest + tolerance
                     beyond += far > own + tolerance
         count = xy.shape[1] * len(_HEIGHTS)
-        found[0, i], found[1, i] = visible / count, through / count
-        found[2, i] = beyond / count
+        found[0, n], found[1, n] = visible / count, through / count
+        found[2, n] = beyond / count
 
 
 @inner_loop()

@@ -90,15 +90,14 @@ class TrackShapes:
         self.boxes[row] = shape.box
         self._widths.values[row] = math.nan
 
-    def samples(self, rows: Sequence[int]) -> SamplePoints:
-        """Return the sample points of the shapes in some rows."""
-        chosen = np.array(rows, np.int64)
+    def samples(self, rows: IntArray) -> SamplePoints:
+        """Return the sample points of all shapes, of which those in some rows are made first."""
         around, xy, widths = self._around.values, self._xy.values, self._widths.values
-        new = chosen[np.isnan(widths[chosen])]
+        new = rows[np.isnan(widths[rows])]
         if len(new):
             found = sample_points([self.polygons[row] for row in new.tolist()])
             around[new], xy[new], widths[new] = found.around, found.xy, found.widths
-        return SamplePoints(around[chosen], xy[chosen], widths[chosen])
+        return SamplePoints(around, xy, widths)
 
     def keep(self, wanted: BoolArray) -> None:
         """Remove the rows that are not wanted, shape (N,)."""
@@ -114,6 +113,17 @@ class TrackShapes:
         count = _meeting(self.boxes, self.classes, -1 if class_ is None else class_, box, found)
         rows: Rows = found[:count].tolist()
         return rows
+
+    def others_near(self, rows: Rows) -> list[tuple[int, int]]:
+        """Return pairs of one of some rows, and a row of another class whose box meets its own.
+
+        The second ones are not among the rows.
+        """
+        chosen, most = np.array(rows, np.int64), len(rows) * len(self)
+        found = np.empty((most, 2), np.int64)
+        count = _meeting_others(self.boxes, self.classes, chosen, found)
+        pairs: list[tuple[int, int]] = list(map(tuple, found[:count].tolist()))
+        return pairs
 
     def within(self, limits: Box, position: NDArray[np.float64], max_range: float) -> Rows:
         """Return the rows whose boxes are within limits, with centers near a place.
@@ -173,4 +183,31 @@ def _meeting(
         if meets and (class_ < 0 or classes[row] == class_):
             found[count] = row
             count += 1
+    return count
+
+
+@loop()
+def _meeting_others(
+    boxes: NDArray[np.float64], classes: IntArray, rows: IntArray, found: IntArray
+) -> int:
+    """Find the boxes of other classes that meet those of some rows; return how many pairs.
+
+    Args:
+        boxes: as `TrackShapes.boxes`.
+        classes: as `TrackShapes.classes`.
+        rows: shape (R,).
+        found: filled with a row and another one of none of these, shape (R N, 2).
+    """
+    count = 0
+    for row in rows:
+        for other in range(len(boxes)):
+            meets = boxes[other, 0] <= boxes[row, 2] and boxes[other, 1] <= boxes[row, 3]
+            meets = meets and boxes[other, 2] >= boxes[row, 0] and boxes[other, 3] >= boxes[row, 1]
+            if meets and classes[other] != classes[row]:
+                is_chosen = False
+                for one in rows:
+                    is_chosen = is_chosen or one == other
+                if not is_chosen:
+                    found[count, 0], found[count, 1] = row, other
+                    count += 1
     return count

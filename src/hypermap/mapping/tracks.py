@@ -7,7 +7,6 @@ import math
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Sequence
-from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +98,7 @@ class TrackTable:
     def __init__(self, max_existence: float) -> None:
         """Prepare an empty table; existence never grows above `max_existence`."""
         self.objects: list[Track] = []
+        self._ids: list[int] = []
         self.shapes = TrackShapes()
         self._existence = Column(np.empty(0))
         self._spared = Column(np.empty(0))
@@ -111,7 +111,7 @@ class TrackTable:
     def copy(self) -> TrackTable:
         """Return a table of the same `Track` objects; the columns are copied."""
         other = TrackTable(self._max_existence)
-        other.objects = list(self.objects)
+        other.objects, other._ids = list(self.objects), list(self._ids)
         other.shapes = self.shapes.copy()
         other._existence = self._existence.copy()
         other._spared = self._spared.copy()
@@ -180,6 +180,7 @@ class TrackTable:
         `missed` is what `missed` returns for its row in another table.
         """
         self.objects.append(track)
+        self._ids.append(track.id)
         self._existence.append(existence)
         self._misses.append(missed[0])
         self._spared.append(missed[1])
@@ -193,7 +194,7 @@ class TrackTable:
         wanted: BoolArray = np.ones(len(self.objects), dtype=bool)
         wanted[np.asarray(rows)] = False
         for row in sorted(rows, reverse=True):
-            del self.objects[row]
+            del self.objects[row], self._ids[row]
         self.shapes.keep(wanted)
         self._existence.keep(wanted)
         self._spared.keep(wanted)
@@ -223,8 +224,8 @@ class TrackTable:
         """Return the rows of the tracks with these ids, in ascending order."""
         rows = []
         for number in sorted(ids):
-            row = bisect_left(self.objects, number, key=attrgetter("id"))
-            if row < len(self.objects) and self.objects[row].id == number:
+            row = bisect_left(self._ids, number)
+            if row < len(self._ids) and self._ids[row] == number:
                 rows.append(row)
         return rows
 

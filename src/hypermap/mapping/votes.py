@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +12,7 @@ from hypermap.mapping.prepared_polygon import Box
 from hypermap.mapping.stages import EvidenceConfig
 
 _MAX_CELLS_PER_SIDE = 128
+_MOST = _MAX_CELLS_PER_SIDE + 4  # with what rounding to cells adds, and one column more
 _ROUNDS = 8  # of reweighting the mean of footprints
 _SCALE = 0.3  # of the limit: footprints this far from the mean have a quarter of the weight
 _WHOLE = 0.6  # of the upper quartile of the areas; larger footprints show the whole object
@@ -43,65 +40,104 @@ def agreed_corners(
         The corners of the convex hull of these cells in the map frame [m], clockwise from the left
         one of the lowest back to it, shape (M, 2); M is 0 if no cell belongs to the object.
     """
-    views = buffer.views
-    weights, moves = np.empty(len(buffer)), np.empty((len(buffer), 2))
-    unbounded_votes, *box = _weigh(
-        views.seen,
-        views.counts,
-        buffer.centroids,
-        np.zeros_like(moves) if shifts is None else shifts,
-        (config.half_weight, config.align),
-        np.empty(len(buffer), np.int64),
-        np.empty_like(moves),
-        weights,
-        moves,
-    )
-    grid = _voting_grid(box, config.vote_resolution)
-    views.look_at(grid.box, buffer.items)
-    corners = np.empty((4 * grid.height + 1, 2))
-    count = _hull_of_votes(
-        views.edges,
-        views.near,
-        views.counts,
-        weights,
-        moves,
-        grid.place,
-        np.zeros((2, grid.height, grid.width + 1)),
-        (unbounded_votes, config.vote_share),
-        np.empty(grid.height, np.int64),
-        corners,
-    )
-    return corners[:count]
+    count, views = len(buffer), buffer.views
+    shifts = np.zeros((count, 2)) if shifts is None else shifts
+    limits = config.half_weight, config.align, config.vote_resolution, config.vote_share
+    room = np.empty(count, np.int64), np.empty((2, count, 2)), np.empty(count)
+    grid = np.empty((2, _MOST, _MOST)), np.empty(_MOST, np.int64)
+    corners = np.empty((4 * _MOST + 1, 2))
+    while True:
+        given = views.seen, views.edges, views.near, views.counts, views.box, buffer.centroids
+        found, *box = _agreed(*given, shifts, limits, *room, *grid, corners)
+        if found >= 0:
+            return corners[:found]
+        views.look_at((box[0], box[1], box[2], box[3]), buffer.items)
 
 
 @loop()
-def _weigh(
+def _agreed(
     seen: NDArray[np.float64],
+    edges: NDArray[np.float64],
+    near: NDArray[np.float64],
     counts: IntArray,
+    box: Box,
     centroids: NDArray[np.float64],
     shifts: NDArray[np.float64],
-    limits: tuple[float, float],
+    limits: tuple[float, float, float, float],
     order: IntArray,
     places: NDArray[np.float64],
     weights: NDArray[np.float64],
-    moves: NDArray[np.float64],
-) -> tuple[float, float, float, float, float]:
-    """Find the weights of the views, and the translations of their footprints.
+    steps: NDArray[np.float64],
+    ends: IntArray,
+    corners: NDArray[np.float64],
+) -> tuple[int, float, float, float, float]:
+    """Do the work of `agreed_corners`.
 
     Args:
-        seen: as `JoinedViews.seen`, as `counts`.
+        seen: as `JoinedViews.seen`, as `edges`, `near`, `counts` and `box`.
+        edges: likewise.
+        near: likewise.
         counts: likewise.
+        box: likewise.
         centroids: of the footprints [m], shape (N, 2).
         shifts: as in `agreed_corners`, but zeros for none.
-        limits: the settings `half_weight` and `align` [m].
+        limits: the settings `half_weight`, `align`, `vote_resolution` [m] and `vote_share`.
         order: room for the order of the views, shape (N,).
-        places: room for the centroids after the shifts, shape (N, 2).
-        weights: filled, shape (N,).
-        moves: filled [m], shape (N, 2).
+        places: room for the translations of the footprints, and for their centroids after
+            `shifts` [m], shape (2, N, 2).
+        weights: room for the weights of the views, shape (N,).
+        steps: room for the votes, shape (2, M, M), for grids of M - 1 by M - 1 cells.
+        ends: room, shape (M,).
+        corners: filled with the corners [m], shape (4 M + 1, 2).
 
     Returns:
-        The votes of the views that have seen everything; and the box around the footprints after
-        the translations: xmin, ymin, xmax, ymax [m].
+        The number of corners, -1 if `box` does not contain the grid; and the grid's box: xmin,
+        ymin, xmax, ymax [m].
+    """
+    moves = places[0]
+    for i in range(len(seen)):
+        for axis in range(2):
+            moves[i, axis] = shifts[i, axis]
+            places[1, i, axis] = centroids[i, axis] + shifts[i, axis]
+    unbounded = _weigh(seen, counts, limits, weights)
+    if limits[1] > 0:
+        area = int(np.int64(2))  # `_align` would be compiled once more for a constant
+        _align(seen, area, places[1], weights, limits[1], order, moves)
+    xmin, ymin, xmax, ymax = _box_of(seen, moves)
+    side = max(limits[2], max(xmax - xmin, ymax - ymin) / _MAX_CELLS_PER_SIDE)
+    left, bottom = np.floor(xmin / side), np.floor(ymin / side)
+    width = int(np.floor(xmax / side) - left) + 1
+    height = int(np.floor(ymax / side) - bottom) + 1
+    left, bottom = left * side, bottom * side
+    right, top = left + width * side, bottom + height * side
+    if left < box[0] or bottom < box[1] or right > box[2] or top > box[3]:
+        return -1, left, bottom, right, top
+    for k in range(2):
+        for row in range(height):
+            for col in range(width + 1):
+                steps[k, row, col] = 0.0
+    grid, place, votes = (height, width), (left, bottom, side), (unbounded, limits[3])
+    first = int(np.int64(0))  # `_add_steps` would be compiled once more for a constant
+    _add_steps(edges, counts, first, weights, moves, 1.0, grid, place, steps[0])
+    _add_steps(near, counts, first + 1, weights, moves, 0.0, grid, place, steps[1])
+    count = _hull_of_votes(steps, grid, place, votes, ends, corners)
+    return count, left, bottom, right, top
+
+
+@inner_loop()
+def _weigh(
+    seen: NDArray[np.float64],
+    counts: IntArray,
+    limits: tuple[float, float, float, float],
+    weights: NDArray[np.float64],
+) -> float:
+    """Find the weights of the views, and return the votes of those that have seen everything.
+
+    Args:
+        seen: as in `_agreed`, as `counts` and `limits`.
+        counts: likewise.
+        limits: likewise.
+        weights: filled, shape (N,).
     """
     count = len(seen)
     has_scores = False
@@ -113,18 +149,25 @@ def _weigh(
         weights[i] = (seen[i, 0] if has_scores else 1.0) / (1 + far * far)
         if counts[i, 1] < 0:
             unbounded += weights[i]
-        for axis in range(2):
-            moves[i, axis] = shifts[i, axis]
-            places[i, axis] = centroids[i, axis] + shifts[i, axis]
-    if limits[1] > 0:
-        area = int(np.int64(2))  # `_align` would be compiled once more for a constant
-        _align(seen, area, places, weights, limits[1], order, moves)
+    return unbounded
+
+
+@inner_loop()
+def _box_of(
+    seen: NDArray[np.float64], moves: NDArray[np.float64]
+) -> tuple[float, float, float, float]:
+    """Return the box around all footprints after translations: xmin, ymin, xmax, ymax [m].
+
+    Args:
+        seen: as in `_agreed`.
+        moves: translations of the footprints [m], shape (N, 2).
+    """
     xmin = ymin = np.inf
     xmax = ymax = -np.inf
-    for i in range(count):
+    for i in range(len(seen)):
         xmin, ymin = min(xmin, seen[i, 3] + moves[i, 0]), min(ymin, seen[i, 4] + moves[i, 1])
         xmax, ymax = max(xmax, seen[i, 5] + moves[i, 0]), max(ymax, seen[i, 6] + moves[i, 1])
-    return unbounded, xmin, ymin, xmax, ymax
+    return xmin, ymin, xmax, ymax
 
 
 @loop()
@@ -217,41 +260,11 @@ def _sort(rows: NDArray[np.float64], column: int, order: IntArray) -> None:
         order[place] = k
 
 
-class _VotingGrid(NamedTuple):
-    """Cells of the floor: their number, and x and y of the first corner and the side [m]."""
-
-    width: int
-    height: int
-    place: tuple[float, float, float]
-
-    @property
-    def box(self) -> Box:
-        """Its xmin, ymin, xmax and ymax [m]."""
-        left, bottom, resolution = self.place
-        return left, bottom, left + self.width * resolution, bottom + self.height * resolution
-
-
-def _voting_grid(box: Sequence[float], resolution: float) -> _VotingGrid:
-    """Return a grid over a box, aligned to its resolution and of bounded size."""
-    xmin, ymin, xmax, ymax = box
-    resolution = max(resolution, max(xmax - xmin, ymax - ymin) / _MAX_CELLS_PER_SIDE)
-    left, bottom = math.floor(xmin / resolution), math.floor(ymin / resolution)
-    return _VotingGrid(
-        width=math.floor(xmax / resolution) - left + 1,
-        height=math.floor(ymax / resolution) - bottom + 1,
-        place=(left * resolution, bottom * resolution, resolution),
-    )
-
-
-@loop()
+@inner_loop()
 def _hull_of_votes(
-    edges: NDArray[np.float64],
-    near: NDArray[np.float64],
-    counts: IntArray,
-    weights: NDArray[np.float64],
-    moves: NDArray[np.float64],
-    place: tuple[float, float, float],
     steps: NDArray[np.float64],
+    grid: tuple[int, int],
+    place: tuple[float, float, float],
     votes: tuple[float, float],
     ends: IntArray,
     corners: NDArray[np.float64],
@@ -259,30 +272,22 @@ def _hull_of_votes(
     """Find the convex hull of the accepted cells, and return how many corners it has.
 
     Args:
-        edges: of all footprints, as `JoinedViews.edges`, as `near` and `counts`.
-        near: likewise.
-        counts: likewise.
-        weights: of the views, shape (N,).
-        moves: translations of the footprints [m], shape (N, 2).
-        place: of the grid, as in `_VotingGrid`.
-        steps: zeros, shape (2, height, width + 1); filled with the changes of the votes for each
-            cell, and of all votes on it.
+        steps: the changes of the votes for each cell, and of all votes on it, as in `_agreed`.
+        grid: the numbers of its rows and columns.
+        place: of the grid: x and y of its first corner, and the side of a cell [m].
         votes: those cast on all cells, and the share of all votes that a cell needs.
-        ends: filled with the last accepted cell of each row, -1 for none, shape (height,).
+        ends: filled with the last accepted cell of each row, -1 for none, shape (M,).
         corners: filled with them [m], clockwise from the left one of the lowest back to it, shape
-            (4 height + 1, 2).
+            (4 M + 1, 2).
     """
     begin = count = int(np.int64(0))  # others would be compiled once more for a constant
-    _add_steps(edges, counts, count, weights, moves, 1.0, place, steps[0])
-    _add_steps(near, counts, count + 1, weights, moves, 0.0, place, steps[1])
-    height = steps.shape[1]
-    for row in range(height):  # up the left side
-        left, ends[row] = _accepted(steps, row, votes)
+    for row in range(grid[0]):  # up the left side
+        left, ends[row] = _accepted(steps, row, grid[1], votes)
         if left >= 0:
             count = _with_corner(corners, count, begin, left, row)
             count = _with_corner(corners, count, begin, left, row + 1)
     begin = count
-    for row in range(height - 1, -1, -1):  # down the right side
+    for row in range(grid[0] - 1, -1, -1):  # down the right side
         if ends[row] >= 0:
             count = _with_corner(corners, count, begin, ends[row] + 1, row + 1)
             count = _with_corner(corners, count, begin, ends[row] + 1, row)
@@ -324,6 +329,7 @@ def _add_steps(
     weights: NDArray[np.float64],
     moves: NDArray[np.float64],
     moved: float,
+    grid: tuple[int, int],
     place: tuple[float, float, float],
     steps: NDArray[np.float64],
 ) -> None:
@@ -339,10 +345,11 @@ def _add_steps(
         weights: of the polygons, shape (N,).
         moves: translations applied to the polygons first [m], shape (N, 2).
         moved: share of these that is applied.
-        place: of the grid, as in `_VotingGrid`.
-        steps: zeros, shape (height, width + 1); filled in.
+        grid: the numbers of its rows and columns.
+        place: of the grid, as in `_hull_of_votes`.
+        steps: filled in, shape (M, M).
     """
-    height, width = steps.shape[0], steps.shape[1] - 1
+    height, width = grid
     scale = 1 / place[2]
     x_begin, y_begin = -place[0] * scale, -place[1] * scale
     begin = end = int(np.int64(0))
@@ -367,17 +374,20 @@ def _add_steps(
 
 
 @inner_loop()
-def _accepted(steps: NDArray[np.float64], row: int, votes: tuple[float, float]) -> tuple[int, int]:
+def _accepted(
+    steps: NDArray[np.float64], row: int, width: int, votes: tuple[float, float]
+) -> tuple[int, int]:
     """Return the first and the last accepted cell of a row; -1 for none.
 
     Args:
         steps: as in `_hull_of_votes`.
         row: the row.
-        votes: likewise.
+        width: the number of columns.
+        votes: as in `_hull_of_votes`.
     """
     votes_for = votes_cast = 0.0
     left = right = -1
-    for col in range(steps.shape[2] - 1):
+    for col in range(width):
         votes_for += steps[0, row, col]
         votes_cast += steps[1, row, col]
         # A view has seen its own footprint, even if its visible area is a little smaller.
