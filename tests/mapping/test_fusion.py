@@ -191,10 +191,10 @@ def test_votes_are_counted_as_shapely_decides_about_each_cell(
     polygon = polygon.reverse() if reverse else polygon
     each = PreparedPolygon.of(polygon).edges
     edges, counts = np.vstack([each, each]), np.full((2, 2), len(each))
-    weights, steps = np.array([1.0, 2.0]), np.zeros((grid.height, grid.width + 1))
+    weights, steps = np.array([1.0, 2.0]), np.zeros((grid.width + 1, grid.height))
     place = (0.0, 0.0, 1.0)
     _add_steps(edges, counts, 0, weights, np.zeros((2, 2)), 1.0, grid.shape, place, steps)
-    counted = np.cumsum(steps[:, :-1], axis=1)
+    counted = np.cumsum(steps[:-1], axis=0).T
     rows, cols = np.indices(grid.shape)
     centers = shapely.points(grid.centers(rows.ravel(), cols.ravel()))
     clear = shapely.distance(centers, polygon.boundary) > 1e-9

@@ -52,7 +52,7 @@ class Column(Generic[Item]):
 
     def _grow(self, more: int) -> None:
         count = len(self)
-        room = np.empty((max(8, 2 * count, count + more), *self._room.shape[1:]), self._room.dtype)
+        room = np.empty((max(8, 2 * (count + more)), *self._room.shape[1:]), self._room.dtype)
         room[:count] = self.values
         self._room, self._begin, self._end = room, 0, count
 

@@ -18,6 +18,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import as_objects
 from hypermap.core.errors import FormatError
 from hypermap.core.frames import Pose2D
@@ -46,6 +47,7 @@ _WRONG = (
     *(KeyError, TypeError, ValueError, IndexError, OverflowError, zlib.error),
     *(AttributeError, shapely.GEOSException),
 )
+_FLOAT32 = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
 _MOST_BYTES = 16_000_000  # of an unpacked frame
 
 
@@ -199,12 +201,35 @@ def _unpacked_view(
         return None
     height, width = facts["size"]
     camera = _camera(tuple(map(tuple, facts["K"])), int(width), int(height))
-    low, high = arrays["reach"].reshape(2, -1).astype("<u2")
-    high <<= 8
-    high |= low
+    low, high = arrays["reach"].reshape(2, -1)
+    if height * width != len(low):
+        raise ValueError(f"there are {len(low)} ends of rays, not {height} x {width}")
+    reach = np.empty((height, width), np.float32)
+    _join_halves(low, high, _FLOAT32, reach)
     farthest = np.inf if facts["max_range"] is None else float(facts["max_range"])
-    reach = high.view("<f2").reshape(height, width).astype(np.float32)
     return DepthView(camera, pose, reach, farthest)
+
+
+@loop()
+def _join_halves(
+    low: NDArray[np.uint8],
+    high: NDArray[np.uint8],
+    float32: NDArray[np.float32],
+    reach: NDArray[np.float32],
+) -> None:
+    """Put numbers together of the low and the high bytes of float16.
+
+    Args:
+        low: shape (H W,), as `high`.
+        high: likewise.
+        float32: the value of each float16, shape (65536,).
+        reach: filled, shape (H, W).
+    """
+    for row in range(reach.shape[0]):
+        begin = row * reach.shape[1]
+        for col in range(reach.shape[1]):
+            bits = np.uint16(low[begin + col]) | np.uint16(high[begin + col]) << np.uint16(8)
+            reach[row, col] = float32[bits]
 
 
 @lru_cache(maxsize=4)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap._loops import loop
-from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 
 _POLYGON = 3  # shapely's number of this type
 _NOTHING = 1e-12  # share of a shape's area; less is rounding, where shapes only touch
@@ -188,18 +188,49 @@ def _edges_of(shapes: ObjectArray, is_ring: BoolArray) -> tuple[NDArray[np.float
     """Return the edges of all shapes, and where those of each begin and the last ones end."""
     if is_ring.all():  # the usual case: the points of each shape are those of its only ring
         rings, shape_of_ring = shapely.get_exterior_ring(shapes), np.arange(len(shapes))
+        points, ring_of_point = shapely.get_coordinates(shapes, return_index=True)
         is_hole = np.zeros(len(shapes), dtype=bool)
     else:
         parts, shape_of_part = shapely.get_parts(shapes, return_index=True)
         rings, part_of_ring = shapely.get_rings(parts, return_index=True)
         is_hole = np.append(False, part_of_ring[1:] == part_of_ring[:-1])
         shape_of_ring = shape_of_part[part_of_ring]
-    points, ring_of_point = shapely.get_coordinates(rings, return_index=True)
-    begins = np.flatnonzero(ring_of_point[1:] == ring_of_point[:-1])
-    ring = ring_of_point[begins]
+        points, ring_of_point = shapely.get_coordinates(rings, return_index=True)
     is_inside_left = shapely.is_ccw(rings) != is_hole
-    edges = np.empty((len(begins), 5))
-    edges[:, :2], edges[:, 2:4] = points[begins], points[begins + 1]
-    edges[:, 4] = np.where(is_inside_left, 1, -1)[ring]
-    first = np.searchsorted(shape_of_ring[ring], np.arange(len(shapes) + 1))
+    edges, first = np.empty((len(points), 5)), np.empty(len(shapes) + 1, np.int64)
+    _fill_edges(points, ring_of_point, shape_of_ring, is_inside_left, edges, first)
     return edges, first.tolist()
+
+
+@loop()
+def _fill_edges(
+    points: NDArray[np.float64],
+    ring_of_point: IntArray,
+    shape_of_ring: IntArray,
+    is_inside_left: BoolArray,
+    edges: NDArray[np.float64],
+    first: IntArray,
+) -> None:
+    """Find the edges of rings.
+
+    Args:
+        points: of all rings, each closed [m], shape (P, 2).
+        ring_of_point: ascending, shape (P,).
+        shape_of_ring: ascending, shape (R,).
+        is_inside_left: of each ring, shape (R,).
+        edges: filled, as `PreparedPolygon.edges`, shape (P, 5).
+        first: filled with where the edges of each shape begin, and where the last ones end.
+    """
+    count = shape = 0
+    for p in range(len(points) - 1):
+        ring = ring_of_point[p]
+        if ring_of_point[p + 1] == ring:
+            while shape <= shape_of_ring[ring]:
+                first[shape] = count
+                shape += 1
+            edges[count, 0], edges[count, 1] = points[p, 0], points[p, 1]
+            edges[count, 2], edges[count, 3] = points[p + 1, 0], points[p + 1, 1]
+            edges[count, 4] = 1 if is_inside_left[ring] else -1
+            count += 1
+    for rest in range(shape, len(first)):
+        first[rest] = count

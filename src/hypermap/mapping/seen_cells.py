@@ -97,5 +97,7 @@ def _move(
             old_col = turn[0] * x + turn[1] * y + begin[0]
             old_row = turn[0] * y - turn[1] * x + begin[1]
             if 0 <= old_row < height and 0 <= old_col < width:
-                hit_after[row, col] = is_hit[int(old_row), int(old_col)]
-                free_after[row, col] = is_free[int(old_row), int(old_col)]
+                # Numbers without a sign, as numba counts negative ones from the end.
+                one, other = np.uint64(old_row), np.uint64(old_col)
+                hit_after[row, col] = is_hit[one, other]
+                free_after[row, col] = is_free[one, other]

@@ -44,7 +44,7 @@ def agreed_corners(
     shifts = np.zeros((count, 2)) if shifts is None else shifts
     limits = config.half_weight, config.align, config.vote_resolution, config.vote_share
     room = np.empty(count, np.int64), np.empty((2, count, 2)), np.empty(count)
-    grid = np.empty((2, _MOST, _MOST)), np.empty(_MOST, np.int64)
+    grid = np.empty((2, _MOST, _MOST)), np.empty((2, _MOST)), np.empty((2, _MOST), np.int64)
     corners = np.empty((4 * _MOST + 1, 2))
     while True:
         given = views.seen, views.edges, views.near, views.counts, views.box, buffer.centroids
@@ -68,6 +68,7 @@ def _agreed(
     places: NDArray[np.float64],
     weights: NDArray[np.float64],
     steps: NDArray[np.float64],
+    sums: NDArray[np.float64],
     ends: IntArray,
     corners: NDArray[np.float64],
 ) -> tuple[int, float, float, float, float]:
@@ -87,7 +88,8 @@ def _agreed(
             `shifts` [m], shape (2, N, 2).
         weights: room for the weights of the views, shape (N,).
         steps: room for the votes, shape (2, M, M), for grids of M - 1 by M - 1 cells.
-        ends: room, shape (M,).
+        sums: room for the votes of a column, shape (2, M).
+        ends: room for the ends of the rows, shape (2, M).
         corners: filled with the corners [m], shape (4 M + 1, 2).
 
     Returns:
@@ -113,14 +115,15 @@ def _agreed(
     if left < box[0] or bottom < box[1] or right > box[2] or top > box[3]:
         return -1, left, bottom, right, top
     for k in range(2):
-        for row in range(height):
-            for col in range(width + 1):
-                steps[k, row, col] = 0.0
+        for col in range(width + 1):
+            for row in range(height):
+                steps[k, col, row] = 0.0
     grid, place, votes = (height, width), (left, bottom, side), (unbounded, limits[3])
     first = int(np.int64(0))  # `_add_steps` would be compiled once more for a constant
     _add_steps(edges, counts, first, weights, moves, 1.0, grid, place, steps[0])
     _add_steps(near, counts, first + 1, weights, moves, 0.0, grid, place, steps[1])
-    count = _hull_of_votes(steps, grid, place, votes, ends, corners)
+    _find_ends(steps, grid, votes, sums, ends)
+    count = _hull_of(ends, grid, place, corners)
     return count, left, bottom, right, top
 
 
@@ -261,36 +264,31 @@ def _sort(rows: NDArray[np.float64], column: int, order: IntArray) -> None:
 
 
 @inner_loop()
-def _hull_of_votes(
-    steps: NDArray[np.float64],
+def _hull_of(
+    ends: IntArray,
     grid: tuple[int, int],
     place: tuple[float, float, float],
-    votes: tuple[float, float],
-    ends: IntArray,
     corners: NDArray[np.float64],
 ) -> int:
     """Find the convex hull of the accepted cells, and return how many corners it has.
 
     Args:
-        steps: the changes of the votes for each cell, and of all votes on it, as in `_agreed`.
+        ends: as `_find_ends` fills it.
         grid: the numbers of its rows and columns.
         place: of the grid: x and y of its first corner, and the side of a cell [m].
-        votes: those cast on all cells, and the share of all votes that a cell needs.
-        ends: filled with the last accepted cell of each row, -1 for none, shape (M,).
         corners: filled with them [m], clockwise from the left one of the lowest back to it, shape
             (4 M + 1, 2).
     """
     begin = count = int(np.int64(0))  # others would be compiled once more for a constant
     for row in range(grid[0]):  # up the left side
-        left, ends[row] = _accepted(steps, row, grid[1], votes)
-        if left >= 0:
-            count = _with_corner(corners, count, begin, left, row)
-            count = _with_corner(corners, count, begin, left, row + 1)
+        if ends[1, row] >= 0:
+            count = _with_corner(corners, count, begin, ends[0, row], row)
+            count = _with_corner(corners, count, begin, ends[0, row], row + 1)
     begin = count
     for row in range(grid[0] - 1, -1, -1):  # down the right side
-        if ends[row] >= 0:
-            count = _with_corner(corners, count, begin, ends[row] + 1, row + 1)
-            count = _with_corner(corners, count, begin, ends[row] + 1, row)
+        if ends[1, row] >= 0:
+            count = _with_corner(corners, count, begin, ends[1, row] + 1, row + 1)
+            count = _with_corner(corners, count, begin, ends[1, row] + 1, row)
     if count:
         corners[count, 0], corners[count, 1] = corners[0, 0], corners[0, 1]
         count += 1
@@ -346,8 +344,8 @@ def _add_steps(
         moves: translations applied to the polygons first [m], shape (N, 2).
         moved: share of these that is applied.
         grid: the numbers of its rows and columns.
-        place: of the grid, as in `_hull_of_votes`.
-        steps: filled in, shape (M, M).
+        place: of the grid, as in `_hull_of`.
+        steps: for each column the changes in all rows, which are added, shape (M, M).
     """
     height, width = grid
     scale = 1 / place[2]
@@ -370,29 +368,39 @@ def _add_steps(
             for row in range(first_row, last_row):
                 x = x0 + (row - y0) * slope
                 col = min(max(int(np.ceil(x)), 0), width)
-                steps[row, col] += weight if begins else -weight
+                steps[col, row] += weight if begins else -weight
 
 
 @inner_loop()
-def _accepted(
-    steps: NDArray[np.float64], row: int, width: int, votes: tuple[float, float]
-) -> tuple[int, int]:
-    """Return the first and the last accepted cell of a row; -1 for none.
+def _find_ends(
+    steps: NDArray[np.float64],
+    grid: tuple[int, int],
+    votes: tuple[float, float],
+    sums: NDArray[np.float64],
+    ends: IntArray,
+) -> None:
+    """Find the first and the last accepted cell of each row.
+
+    This goes column by column, so that the compiler computes several rows at once.
 
     Args:
-        steps: as in `_hull_of_votes`.
-        row: the row.
-        width: the number of columns.
-        votes: as in `_hull_of_votes`.
+        steps: the changes of the votes for each cell, and of all votes on it, as in `_agreed`.
+        grid: the numbers of its rows and columns.
+        votes: those cast on all cells, and the share of all votes that a cell needs.
+        sums: room for the votes for the cells of a column, and for all on it, shape (2, M).
+        ends: filled; the last one of a row without any is -1, shape (2, M).
     """
-    votes_for = votes_cast = 0.0
-    left = right = -1
+    height, width = grid
+    for row in range(height):
+        sums[0, row] = sums[1, row] = 0.0
+        ends[0, row], ends[1, row] = width, -1
     for col in range(width):
-        votes_for += steps[0, row, col]
-        votes_cast += steps[1, row, col]
-        # A view has seen its own footprint, even if its visible area is a little smaller.
-        needed = votes[1] * max(votes_cast + votes[0], votes_for)
-        if votes_for > 1e-9 and votes_for >= needed - 1e-9:
-            left = col if left < 0 else left
-            right = col
-    return left, right
+        for row in range(height):
+            votes_for = sums[0, row] + steps[0, col, row]
+            votes_cast = sums[1, row] + steps[1, col, row]
+            sums[0, row], sums[1, row] = votes_for, votes_cast
+            # A view has seen its own footprint, even if its visible area is a little smaller.
+            needed = votes[1] * max(votes_cast + votes[0], votes_for)
+            is_accepted = (votes_for > 1e-9) & (votes_for >= needed - 1e-9)
+            ends[0, row] = min(ends[0, row], col if is_accepted else width)
+            ends[1, row] = max(ends[1, row], col if is_accepted else -1)

@@ -64,6 +64,6 @@ class Observation:
     correction: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        are_finite = all(map(math.isfinite, (self.stamp, *self.correction)))
-        if not (are_finite and np.isfinite(self.map_T_camera).all()):
+        pose = self.map_T_camera.ravel().tolist()
+        if not all(map(math.isfinite, (self.stamp, *self.correction, *pose))):
             raise ValueError(f"the stamp and the pose must be finite, got the stamp {self.stamp}")
