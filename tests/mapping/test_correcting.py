@@ -14,6 +14,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
@@ -24,6 +25,7 @@ from hypermap.core.semantic import SemanticObject
 from hypermap.core.trajectory import Trajectory, pose_from_rpy, trajectory_of
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map, save_map
+from hypermap.formats.array_file import ArrayFile, dump_arrays, parse_arrays
 from hypermap.mapping import correcting, frame_log
 from hypermap.mapping.config import profile
 from hypermap.mapping.correcting import CannotCorrect
@@ -36,6 +38,7 @@ from hypermap.mapping.frame_log import (
 )
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.seen_cells import SeenCells
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation
@@ -332,6 +335,41 @@ def test_a_damaged_log_is_one_error() -> None:
         with pytest.raises(FormatError, match=r"x\.hmap: "):
             unpacked_frames([content, wrong], "x.hmap")
     assert [one.observation.stamp for one in unpacked_frames([content] * 2, "x.hmap")] == [1.0, 1.0]
+
+
+def frame_with_view(reach: NDArray[np.float32]) -> LoggedFrame:
+    camera = Camera.from_intrinsics(2.0, 2.0, 1.0, 0.5, width=3, height=2)
+    view = DepthView(camera, np.eye(4), reach)
+    return LoggedFrame(Observation(1.0, np.eye(4), (), shapely.Polygon(), view), None)
+
+
+@given(
+    arrays(np.float16, (2, 3), elements=st.floats(0, 60000, width=16) | st.just(np.nan)),
+    st.booleans(),
+)
+def test_the_ends_of_logged_rays_are_those_that_were_packed(
+    reach: NDArray[np.float16], is_of_version_1: bool
+) -> None:
+    content = packed_frame(frame_with_view(reach.astype(np.float32)))
+    if is_of_version_1:
+        unpack = zlib.decompressobj()
+        plain = unpack.decompress(content)
+        file = parse_arrays(plain, "hypermap mapped frame", 2, "x.hmap")
+        low = np.frombuffer(unpack.unused_data, np.uint8)
+        both = {**file.arrays, "reach": np.stack([low, file.arrays["reach"]])}
+        file = ArrayFile(file.facts, both)
+        content = zlib.compress(dump_arrays(file, "hypermap mapped frame", 1))
+    (found,) = unpacked_frames([content], "x.hmap")
+    assert found.observation.view is not None
+    np.testing.assert_array_equal(found.observation.view.reach, reach.astype(np.float32))
+
+
+@pytest.mark.parametrize("change", [-1, 1])
+def test_a_logged_frame_without_all_ends_of_its_rays_is_damaged(change: int) -> None:
+    content = packed_frame(frame_with_view(np.ones((2, 3), np.float32)))
+    wrong = content[:-1] if change < 0 else content + b"\0"
+    with pytest.raises(FormatError, match=r"x\.hmap: is damaged: there are \d ends of rays"):
+        unpacked_frames([wrong], "x.hmap")
 
 
 @pytest.mark.parametrize("shape", [[10**6, 10**6], [-1, 2], [1, 1.5], [2], "ab"])

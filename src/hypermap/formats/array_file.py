@@ -92,8 +92,9 @@ def _arrays(described: Any, content: bytes, begin: int) -> dict[str, NDArray[Any
         count = _SIZES[kind] * math.prod(shape)
         if begin + count > len(content):
             raise ValueError(f"{name!r} ends too early")
-        flat = np.frombuffer(content, np.uint8, count, begin).reshape(_SIZES[kind], -1)
-        whole = flat.copy() if len(flat) == 1 else flat.T.copy().view(kind)
+        flat = np.frombuffer(content, np.uint8, count, begin)
+        size = _SIZES[kind]
+        whole = flat.copy() if size == 1 else flat.reshape(size, -1).T.copy().view(kind)
         arrays[name] = whole.reshape(shape)
         begin += count
     if begin != len(content):

@@ -369,9 +369,9 @@ class EvidenceMap:
         """Count the co-occurrences of tracks of one class in this frame."""
         shown = [self._touch(row) for row in self._tracks.rows_of(self._observed)]
         for track in shown:
-            track.co_occurrences.update(
-                o.id for o in shown if o is not track and o.name == track.name
-            )
+            for other in shown:
+                if other is not track and other.name == track.name:
+                    track.co_occurrences[other.id] += 1
 
     def _transfer_co_occurrences(self, merged: Track, kept: Track) -> None:
         """Move the co-occurrences of a merged track to the one that is kept, on both sides."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -299,8 +298,8 @@ class EvidenceBuffer:
     def heights(self) -> tuple[float, float]:
         """Return the median lowest and highest point of the kept evidence [m]."""
         if self._heights is None:
-            low = statistics.median([evidence.z_min for evidence in self.items])
-            high = statistics.median([evidence.z_max for evidence in self.items])
+            low = _median([evidence.z_min for evidence in self.items])
+            high = _median([evidence.z_max for evidence in self.items])
             self._heights = float(low), float(high)
         return self._heights
 
@@ -371,6 +370,13 @@ class EvidenceBuffer:
         if first > EARLIEST or not EARLIEST < self.first_seen < np.inf:  # a clock that was not set
             self.first_seen = min(self.first_seen, first)
         self.last_seen = max(self.last_seen, last)
+
+
+def _median(numbers: list[float]) -> float:
+    """Return the median, as `statistics.median` does, but in half the time."""
+    numbers.sort()
+    middle = len(numbers) // 2
+    return numbers[middle] if len(numbers) % 2 else (numbers[middle - 1] + numbers[middle]) / 2
 
 
 def _shared(shapes: ObjectArray, shape: BaseGeometry) -> ObjectArray:

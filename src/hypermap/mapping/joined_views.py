@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from hypermap.mapping.evidence_buffer import Evidence
 
 _MARGIN = 0.25  # [m] around a voting grid, so that it may grow a little
-_NOWHERE = (np.inf, np.inf, -np.inf, -np.inf)
 
 
 class JoinedViews:
@@ -36,7 +35,8 @@ class JoinedViews:
         self._edges = Column(np.empty((0, 5)))
         self._near = Column(np.empty((0, 5)))
         self._counts = Column(np.empty((0, 2), np.int64))
-        self.box: Box = _NOWHERE
+        items = list(items)
+        self.box = _around(items)
         for item in items:
             self.add(item)
 
@@ -64,13 +64,13 @@ class JoinedViews:
         return self._counts.values
 
     def look_at(self, box: Box, items: Iterable[Evidence]) -> None:
-        """Let `near` and `counts` hold for a box, and a little around it.
+        """Let `near` and `counts` hold for another box, and a little around it.
 
         Args:
             box: xmin, ymin, xmax, ymax [m].
             items: the pieces of evidence that were added and not removed.
         """
-        self.box = box[0] - _MARGIN, box[1] - _MARGIN, box[2] + _MARGIN, box[3] + _MARGIN
+        self.box = _with_margin(box)
         self._near = Column(np.empty((0, 5)))
         for row, item in enumerate(items):
             self.counts[row, 1] = self._add_near(item)
@@ -99,6 +99,18 @@ class JoinedViews:
         count = int(_choose_near(area, self.box, self._near.room_for(len(area))))
         self._near.extend(count)
         return count
+
+
+def _around(items: Sequence[Evidence]) -> Box:
+    """Return a box around the footprints of some pieces of evidence, with a margin."""
+    if not items:
+        return np.inf, np.inf, -np.inf, -np.inf
+    left, bottom, right, top = zip(*(item.prepared.box for item in items), strict=True)
+    return _with_margin((min(left), min(bottom), max(right), max(top)))
+
+
+def _with_margin(box: Box) -> Box:
+    return box[0] - _MARGIN, box[1] - _MARGIN, box[2] + _MARGIN, box[3] + _MARGIN
 
 
 @loop()

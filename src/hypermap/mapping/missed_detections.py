@@ -56,7 +56,7 @@ def prune(tracks: TrackTable, config: EvidenceConfig) -> list[Track]:
     have been moved.
     """
     below = config.forget_below
-    rows = np.flatnonzero(tracks.existence < below).tolist()
+    rows = (tracks.existence < below).nonzero()[0].tolist()
     if not rows:  # the usual case
         return []
     kept = {row for row in rows if tracks.objects[row].by_hand is not None}
@@ -94,25 +94,24 @@ def _penalize_by_rays(
     chosen = np.array(rows, np.int64)
     samples = tracks.shapes.samples(chosen)
     seen = visible_shares(view, samples, tracks.shapes.heights, config.tolerance, chosen)
-    is_missed = seen.visible >= _VISIBLE
-    if not is_missed.any():
-        return
-    is_absent, is_gone = (share >= _ABSENT * seen.visible for share in (seen.through, seen.beyond))
-    for i in np.flatnonzero(is_missed).tolist():
-        buffer, spared = tracks.objects[rows[i]].buffer, 0.0
+    shares = zip(rows, *seen.lists(), strict=True)
+    for row, visible, through, beyond in shares:
+        if visible < _VISIBLE:
+            continue
+        buffer, spared, is_gone = tracks.objects[row].buffer, 0.0, beyond >= _ABSENT * visible
         if stamp - buffer.last_seen > STALE:
-            loss = config.stale_loss if is_gone[i] else config.loss
-            if not is_gone[i] and buffer.count >= _WELL_SEEN:
-                is_large = samples.widths[rows[i]] > 2 * config.tolerance
-                is_filled = is_large and 1 - seen.beyond[i] / seen.visible[i] >= _FILLED
-                if not is_filled or _touches_another(tracks, rows[i], shown):
+            loss = config.stale_loss if is_gone else config.loss
+            if not is_gone and buffer.count >= _WELL_SEEN:
+                is_large = samples.widths[row] > 2 * config.tolerance
+                is_filled = is_large and 1 - beyond / visible >= _FILLED
+                if not is_filled or _touches_another(tracks, row, shown):
                     loss = config.stale_miss
-        elif is_absent[i]:
+        elif through >= _ABSENT * visible:
             loss = config.gone_loss
         else:
-            loss = _loss_of_miss(tracks, rows[i], shown, config)
+            loss = _loss_of_miss(tracks, row, shown, config)
             spared = config.loss - loss
-        tracks.change_existence(rows[i], -loss, spared)
+        tracks.change_existence(row, -loss, spared)
 
 
 def _loss_of_miss(

@@ -9,7 +9,6 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray, as_objects
-from hypermap.core.frames import Pose2D
 from hypermap.mapping.frame_log import LoggedFrame, floor_motions
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation, ObservedObject
@@ -32,10 +31,10 @@ def moved_frames(
     """
     before = np.array([frame.observation.map_T_camera for frame in frames]).reshape(-1, 4, 4)
     ways = floor_motions(before, np.asarray(poses).reshape(-1, 4, 4))
-    motions = [motion for motion, _ in ways]
-    after = _in_space(ways) @ before
+    matrices = np.array([motion.matrix() for motion, _ in ways]).reshape(-1, 3, 3)
+    after = _in_space(matrices, [rise for _, rise in ways]) @ before
     stay = (np.abs(after - before).max(axis=(1, 2)) <= ROUNDING).tolist()
-    shapes = iter(_moved_shapes(frames, motions).tolist())
+    shapes = iter(_moved_shapes(frames, matrices).tolist())
     return [
         LoggedFrame(
             _moved(frame.observation, pose, lift, stays, shapes),
@@ -46,8 +45,13 @@ def moved_frames(
     ]
 
 
-def _moved_shapes(frames: Sequence[LoggedFrame], motions: Sequence[Pose2D]) -> ObjectArray:
-    """Return the moved visible area of each frame, and then its footprints, in one array."""
+def _moved_shapes(frames: Sequence[LoggedFrame], matrices: NDArray[np.float64]) -> ObjectArray:
+    """Return the moved visible area of each frame, and then its footprints, in one array.
+
+    Args:
+        frames: N frames.
+        matrices: homogeneous, of how the floor moves, shape (N, 3, 3).
+    """
     observations = [frame.observation for frame in frames]
     shapes = as_objects(
         shape
@@ -58,7 +62,6 @@ def _moved_shapes(frames: Sequence[LoggedFrame], motions: Sequence[Pose2D]) -> O
     frame_of_shape = np.repeat(
         np.arange(len(frames)), [1 + len(each.objects) for each in observations]
     )
-    matrices = np.array([motion.matrix()[:2] for motion in motions])
     m = matrices[frame_of_shape[shape_of_point]]
     x, y = points.T
     moved = np.column_stack([m[:, 0, 0] * x + m[:, 0, 1] * y + m[:, 0, 2],
@@ -86,10 +89,10 @@ def _moved(
     return Observation(before.stamp, pose, objects, area, view, correction)
 
 
-def _in_space(ways: Sequence[tuple[Pose2D, float]]) -> NDArray[np.float64]:
-    """Return motions over the floor, each with a rise, in three dimensions, shape (N, 4, 4)."""
-    matrices = np.tile(np.eye(4), (len(ways), 1, 1))
+def _in_space(motions: NDArray[np.float64], rises: Sequence[float]) -> NDArray[np.float64]:
+    """Return motions over the floor, shape (N, 3, 3), with rises [m], as matrices (N, 4, 4)."""
+    matrices = np.tile(np.eye(4), (len(motions), 1, 1))
     rows = np.array([0, 1, 3])
-    matrices[:, rows[:, np.newaxis], rows] = [motion.matrix() for motion, _ in ways]
-    matrices[:, 2, 3] = [rise for _, rise in ways]
+    matrices[:, rows[:, np.newaxis], rows] = motions
+    matrices[:, 2, 3] = rises
     return matrices

@@ -17,6 +17,7 @@ from hypermap.perception.depth_view import NEAREST, DepthView
 _AROUND = np.arange(8) / 8  # samples along the contour
 _INWARD = 0.75  # where the samples lie between centroid and contour
 _HEIGHTS = (0.25, 0.5, 0.75)  # of the samples, between lowest and highest point
+_NO_HULL = -1.0
 _FEWEST_RAYS = 10  # that must be able to hit an object; smaller ones cannot be detected
 
 
@@ -40,13 +41,15 @@ def sample_points(shapes: Sequence[PreparedPolygon]) -> SamplePoints:
     count = len(shapes)
     found = SamplePoints(np.empty((count, 8, 2)), np.empty((count, 9, 2)), np.empty(count))
     for n, (shape, around, xy) in enumerate(zip(shapes, found.around, found.xy, strict=True)):
-        if not (shape.is_ring and _sample_hull(shape.edges, around, xy)):
+        width = _sample_hull(shape.edges, around, xy) if shape.is_ring else _NO_HULL
+        if width == _NO_HULL:
             hull = shapely.convex_hull(shape.geometry)
             ring = shapely.get_exterior_ring(hull)
             places = shapely.line_interpolate_point(ring, _AROUND, normalized=True)
             around[:] = shapely.get_coordinates(places)
             xy[:1] = shapely.get_coordinates(shapely.centroid(hull))
-        found.widths[n] = _sample_inside(around, xy)
+            width = _sample_inside(around, xy)
+        found.widths[n] = width
     return found
 
 
@@ -71,19 +74,22 @@ def _sample_inside(around: NDArray[np.float64], xy: NDArray[np.float64]) -> floa
 @loop()
 def _sample_hull(
     edges: NDArray[np.float64], around: NDArray[np.float64], xy: NDArray[np.float64]
-) -> bool:
-    """Sample a polygon that is a convex hull as GEOS makes it, and return whether it is one.
+) -> float:
+    """Sample a polygon that is a convex hull as GEOS makes it, and return its width [m].
 
     Such a hull is clockwise from its lowest corner, without corners on straight lines.
 
     Args:
         edges: of the polygon, as `PreparedPolygon.edges`.
         around: filled with points of its contour [m], shape (8, 2).
-        xy: the first row is filled with its centroid [m].
+        xy: filled with its centroid, and points between this and the contour [m], shape (9, 2).
+
+    Returns:
+        `_NO_HULL` for other polygons.
     """
     count = len(edges)
     if count < 3:
-        return False
+        return _NO_HULL
     x0, y0 = edges[0, 0], edges[0, 1]
     length = area = x = y = 0.0
     for e in range(count):
@@ -92,7 +98,7 @@ def _sample_hull(
         bx, by = edges[after, 2] - edges[after, 0], edges[after, 3] - edges[after, 1]
         is_lowest = edges[e, 1] > y0 or (edges[e, 1] == y0 and edges[e, 0] >= x0)
         if not (ax * by - ay * bx < 0 and is_lowest):
-            return False
+            return _NO_HULL
         length += np.hypot(ax, ay)
         cross = (edges[e, 0] - x0) * (edges[e, 3] - y0) - (edges[e, 2] - x0) * (edges[e, 1] - y0)
         area += cross
@@ -110,7 +116,7 @@ def _sample_hull(
         share = (place - begin) / own
         around[k, 0] = edges[e, 0] + share * (edges[e, 2] - edges[e, 0])
         around[k, 1] = edges[e, 1] + share * (edges[e, 3] - edges[e, 1])
-    return True
+    return _sample_inside(around, xy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +133,10 @@ class SeenShares:
     visible: NDArray[np.float64]
     through: NDArray[np.float64]
     beyond: NDArray[np.float64]
+
+    def lists(self) -> tuple[list[float], list[float], list[float]]:
+        """Return them as lists, which are faster to read one by one."""
+        return self.visible.tolist(), self.through.tolist(), self.beyond.tolist()
 
 
 def visible_shares(

@@ -68,8 +68,11 @@ class OccupancyMapper:
         if seen is None:
             return _nothing
         height, width = seen.is_hit.shape
-        self._cover(seen.first, np.add(seen.first, [height - 1, width - 1]))
         row, col = (seen.first - self._first).tolist()
+        rows, cols = self._log_odds.shape
+        if row < 0 or col < 0 or row + height > rows or col + width > cols:
+            self._cover(seen.first, np.add(seen.first, [height - 1, width - 1]))
+            row, col = (seen.first - self._first).tolist()
         window = self._log_odds[row : row + height, col : col + width]
         changes = self.config.hit, -self.config.miss
         clamps = self.config.min_log_odds, self.config.max_log_odds
