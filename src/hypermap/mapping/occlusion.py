@@ -35,12 +35,9 @@ class SamplePoints:
     xy: NDArray[np.float64]
     widths: NDArray[np.float64]
 
-
-def sample_points(shapes: Sequence[PreparedPolygon]) -> SamplePoints:
-    """Return the sample points of objects, from the convex hulls of their shapes."""
-    count = len(shapes)
-    found = SamplePoints(np.empty((count, 8, 2)), np.empty((count, 9, 2)), np.empty(count))
-    for n, (shape, around, xy) in enumerate(zip(shapes, found.around, found.xy, strict=True)):
+    def sample(self, row: int, shape: PreparedPolygon) -> None:
+        """Replace the samples of one object by those of another shape."""
+        around, xy = self.around[row], self.xy[row]
         width = _sample_hull(shape.edges, around, xy) if shape.is_ring else _NO_HULL
         if width == _NO_HULL:
             hull = shapely.convex_hull(shape.geometry)
@@ -49,7 +46,15 @@ def sample_points(shapes: Sequence[PreparedPolygon]) -> SamplePoints:
             around[:] = shapely.get_coordinates(places)
             xy[:1] = shapely.get_coordinates(shapely.centroid(hull))
             width = _sample_inside(around, xy)
-        found.widths[n] = width
+        self.widths[row] = width
+
+
+def sample_points(shapes: Sequence[PreparedPolygon]) -> SamplePoints:
+    """Return the sample points of objects, from the convex hulls of their shapes."""
+    count = len(shapes)
+    found = SamplePoints(np.empty((count, 8, 2)), np.empty((count, 9, 2)), np.empty(count))
+    for row, shape in enumerate(shapes):
+        found.sample(row, shape)
     return found
 
 

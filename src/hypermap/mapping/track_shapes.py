@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.mapping.columns import Column
-from hypermap.mapping.occlusion import SamplePoints, sample_points
+from hypermap.mapping.occlusion import SamplePoints
 from hypermap.mapping.prepared_polygon import Box, PreparedPolygon
 
 Rows: TypeAlias = list[int]
@@ -92,12 +92,10 @@ class TrackShapes:
 
     def samples(self, rows: IntArray) -> SamplePoints:
         """Return the sample points of all shapes, of which those in some rows are made first."""
-        around, xy, widths = self._around.values, self._xy.values, self._widths.values
-        new = rows[np.isnan(widths[rows])]
-        if len(new):
-            found = sample_points([self.polygons[row] for row in new.tolist()])
-            around[new], xy[new], widths[new] = found.around, found.xy, found.widths
-        return SamplePoints(around, xy, widths)
+        found = SamplePoints(self._around.values, self._xy.values, self._widths.values)
+        for row in rows[np.isnan(found.widths[rows])].tolist():
+            found.sample(row, self.polygons[row])
+        return found
 
     def keep(self, wanted: BoolArray) -> None:
         """Remove the rows that are not wanted, shape (N,)."""
