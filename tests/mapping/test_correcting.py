@@ -34,9 +34,9 @@ from hypermap.mapping.frame_log import (
     LoggedFrame,
     floor_motion,
     packed_frame,
-    unpacked_frames,
 )
 from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.seen_cells import SeenCells
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.detectors.sources import detections_from_recording
@@ -333,8 +333,12 @@ def test_a_damaged_log_is_one_error() -> None:
     content = packed_frame(frame)
     for wrong in (b"", content[:-5], content[:10] + b"\0" + content[11:]):
         with pytest.raises(FormatError, match=r"x\.hmap: "):
-            unpacked_frames([content, wrong], "x.hmap")
-    assert [one.observation.stamp for one in unpacked_frames([content] * 2, "x.hmap")] == [1.0, 1.0]
+            unpacked(content, wrong)
+    assert [one.observation.stamp for one in unpacked(content, content)] == [1.0, 1.0]
+
+
+def unpacked(*contents: bytes) -> list[LoggedFrame]:
+    return moved_frames(contents, [np.eye(4) for _ in contents], 0.05, "x.hmap")
 
 
 def frame_with_view(reach: NDArray[np.float32]) -> LoggedFrame:
@@ -359,7 +363,7 @@ def test_the_ends_of_logged_rays_are_those_that_were_packed(
         both = {**file.arrays, "reach": np.stack([low, file.arrays["reach"]])}
         file = ArrayFile(file.facts, both)
         content = zlib.compress(dump_arrays(file, "hypermap mapped frame", 1))
-    (found,) = unpacked_frames([content], "x.hmap")
+    (found,) = unpacked(content)
     assert found.observation.view is not None
     np.testing.assert_array_equal(found.observation.view.reach, reach.astype(np.float32))
 
@@ -369,7 +373,7 @@ def test_a_logged_frame_without_all_ends_of_its_rays_is_damaged(change: int) -> 
     content = packed_frame(frame_with_view(np.ones((2, 3), np.float32)))
     wrong = content[:-1] if change < 0 else content + b"\0"
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged: there are \d ends of rays"):
-        unpacked_frames([wrong], "x.hmap")
+        unpacked(wrong)
 
 
 @pytest.mark.parametrize("shape", [[10**6, 10**6], [-1, 2], [1, 1.5], [2], "ab"])
@@ -384,7 +388,7 @@ def test_a_logged_frame_of_more_cells_than_it_holds_takes_no_memory(shape: objec
     wrong = plain.replace(b'"cells":[2,3]', b'"cells":' + said)
     assert wrong != plain
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
-        unpacked_frames([zlib.compress(wrong)], "x.hmap")
+        unpacked(zlib.compress(wrong))
 
 
 def test_logged_cells_that_no_grid_reaches_are_damage() -> None:
@@ -394,7 +398,7 @@ def test_logged_cells_that_no_grid_reaches_are_damage() -> None:
         SeenCells(np.array([10**15, 0]), some, some),
     )
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged: a cell is more than"):
-        unpacked_frames([packed_frame(frame)], "x.hmap")
+        unpacked(packed_frame(frame))
 
 
 @given(

@@ -20,7 +20,7 @@ from hypermap.mapping.drives import Drive, rows_of_drives
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import FoundEvidence, evidence_from_frames
 from hypermap.mapping.floor_motions import FloorMotions
-from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, unpacked_frames
+from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore
 from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.moved_frames import ROUNDING, moved_frames
 from hypermap.mapping.occupancy import OccupancyMapper
@@ -246,8 +246,8 @@ def _moved_frames(
     """Yield the frames of a log at other poses, with their evidence; some at a time are faster."""
     for begin in range(0, len(contents), _AT_ONCE):
         some = slice(begin, begin + _AT_ONCE)
-        frames = unpacked_frames(contents[some], "the log of frames")
-        frames = moved_frames(frames, list(poses[some]), config.occupancy.resolution)
+        resolution = config.occupancy.resolution
+        frames = moved_frames(contents[some], poses[some], resolution, "the log of frames")
         observations = [frame.observation for frame in frames]
         yield from zip(
             frames, evidence_from_frames(observations, config.evidence.abstain), strict=True

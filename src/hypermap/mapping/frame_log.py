@@ -11,31 +11,21 @@ import math
 import zlib
 from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
-from hypermap._loops import loop
 from hypermap.core.arrays import as_objects
-from hypermap.core.errors import FormatError
 from hypermap.core.frames import Pose2D
-from hypermap.formats.array_file import (
-    ArrayFile,
-    dump_arrays,
-    packed_shapes,
-    parse_arrays,
-    unpacked_shapes,
-)
+from hypermap.formats.array_file import ArrayFile, dump_arrays, packed_shapes
 from hypermap.mapping.seen_cells import SeenCells
 from hypermap.mapping.tracks import TrackTable
 from hypermap.perception.depth_view import DepthView
-from hypermap.perception.frame import Camera
-from hypermap.perception.observation import Observation, ObservedObject
+from hypermap.perception.observation import Observation
 
-_FORMAT, _VERSION = "hypermap mapped frame", 2
+FORMAT, VERSION = "hypermap mapped frame", 2
+"""Of a packed frame."""
 PART = 1000
 """Frames in a part of the log; before each part, one state of the map is kept."""
 FARTHEST_CELL = 1e10
@@ -43,12 +33,6 @@ FARTHEST_CELL = 1e10
 _PARTS = 3  # kept at most; each drive begins one, so short drives do not add up
 _COLUMNS = 80  # of a kept view, which is subsampled
 _LEVEL = 6  # of compression
-_WRONG = (
-    *(KeyError, TypeError, ValueError, IndexError, OverflowError, zlib.error),
-    *(AttributeError, shapely.GEOSException),
-)
-_FLOAT32 = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
-_MOST_BYTES = 16_000_000  # of an unpacked frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,66 +105,8 @@ def packed_frame(frame: LoggedFrame) -> bytes:
         **view_arrays,
         **cell_arrays,
     }
-    plain = dump_arrays(ArrayFile(facts, arrays), _FORMAT, _VERSION)
+    plain = dump_arrays(ArrayFile(facts, arrays), FORMAT, VERSION)
     return zlib.compress(plain, _LEVEL) + low_bytes
-
-
-def unpacked_frames(contents: Sequence[bytes], path: str) -> list[LoggedFrame]:
-    """Return the frames that `packed_frame` has packed; many at once are faster.
-
-    Args:
-        contents: the packed frames.
-        path: name of their file in messages.
-
-    Raises:
-        FormatError: If one is damaged, or of a later version.
-    """
-    try:
-        pairs = [_unzipped(one) for one in contents]
-        files = [parse_arrays(plain, _FORMAT, _VERSION, path) for plain, _ in pairs]
-        shapes = _unpacked_shapes(files)
-        rests = [rest for _, rest in pairs]
-        return [_unpacked(*each) for each in zip(files, shapes, rests, strict=True)]
-    except _WRONG as error:
-        raise FormatError(f"is damaged: {error}", path=path) from None
-
-
-def _unzipped(content: bytes) -> tuple[bytes, bytes]:
-    """Return what was compressed, and what follows it."""
-    unpack = zlib.decompressobj()
-    plain = unpack.decompress(content, _MOST_BYTES)
-    if not unpack.eof:
-        raise ValueError("a frame ends too early")
-    return plain, unpack.unused_data
-
-
-def _unpacked_shapes(files: Sequence[ArrayFile]) -> list[list[shapely.Polygon]]:
-    """Return the shapes of each frame."""
-    if not files:
-        return []
-    names = "shapes.points", "shapes.wkb", "shapes.lengths"
-    joined = {name: np.concatenate([f.arrays[name] for f in files], axis=-1) for name in names}
-    ends = np.cumsum([len(file.arrays["shapes.lengths"]) for file in files])
-    parts = np.split(unpacked_shapes("shapes", joined), ends[:-1])
-    return [part.tolist() for part in parts]
-
-
-def _unpacked(file: ArrayFile, shapes: Sequence[shapely.Polygon], low_bytes: bytes) -> LoggedFrame:
-    facts, arrays = file.facts, file.arrays
-    area, *footprints = shapes
-    numbers = arrays["objects"].reshape(-1, 3).tolist()
-    objects = tuple(
-        ObservedObject(str(name), score, footprint, z_min, z_max)
-        for name, footprint, (score, z_min, z_max) in zip(
-            facts["names"], footprints, numbers, strict=True
-        )
-    )
-    pose = arrays["pose"].reshape(4, 4)
-    view = _unpacked_view(facts["view"], arrays, low_bytes, pose)
-    x, y, yaw = map(float, facts.get("correction", (0, 0, 0)))  # not in earlier versions
-    observation = Observation(float(facts["stamp"]), pose, objects, area, view, (x, y, yaw))
-    seen = _unpacked_cells(facts["cells"], arrays)
-    return LoggedFrame(observation, seen, bool(facts["finds_objects"]))
 
 
 _Arrays = Mapping[str, NDArray[Any]]
@@ -198,74 +124,11 @@ def _packed_view(view: DepthView | None) -> tuple[dict[str, Any] | None, _Arrays
     return facts, {"reach": high}, low.tobytes()
 
 
-def _unpacked_view(
-    facts: Mapping[str, Any] | None,
-    arrays: _Arrays,
-    low_bytes: bytes,
-    pose: NDArray[np.float64],
-) -> DepthView | None:
-    if facts is None:
-        return None
-    height, width = facts["size"]
-    camera = _camera(tuple(map(tuple, facts["K"])), int(width), int(height))
-    if arrays["reach"].ndim == 2:  # version 1
-        low, high = arrays["reach"].reshape(2, -1)
-    else:
-        low, high = np.frombuffer(low_bytes, np.uint8), arrays["reach"]
-    if not height * width == len(low) == len(high):
-        raise ValueError(f"there are {len(low)} ends of rays, not {height} x {width}")
-    reach = np.empty((height, width), np.float32)
-    _join_halves(low, high, _FLOAT32, reach)
-    farthest = np.inf if facts["max_range"] is None else float(facts["max_range"])
-    return DepthView(camera, pose, reach, farthest)
-
-
-@loop()
-def _join_halves(
-    low: NDArray[np.uint8],
-    high: NDArray[np.uint8],
-    float32: NDArray[np.float32],
-    reach: NDArray[np.float32],
-) -> None:
-    """Put numbers together of the low and the high bytes of float16.
-
-    Args:
-        low: shape (H W,), as `high`.
-        high: likewise.
-        float32: the value of each float16, shape (65536,).
-        reach: filled, shape (H, W).
-    """
-    for row in range(reach.shape[0]):
-        begin = row * reach.shape[1]
-        for col in range(reach.shape[1]):
-            bits = np.uint16(low[begin + col]) | np.uint16(high[begin + col]) << np.uint16(8)
-            reach[row, col] = float32[bits]
-
-
-@lru_cache(maxsize=4)
-def _camera(K: tuple[tuple[float, ...], ...], width: int, height: int) -> Camera:
-    return Camera(np.array(K, np.float64), width, height)  # all frames of a drive have the same
-
-
 def _packed_cells(seen: SeenCells | None) -> tuple[list[int] | None, _Arrays]:
     if seen is None:
         return None, {}
     bits = np.packbits(np.stack([seen.is_hit, seen.is_free]))
     return list(seen.is_hit.shape), {"first_cell": seen.first, "cells": bits}
-
-
-def _unpacked_cells(shape: list[int] | None, arrays: _Arrays) -> SeenCells | None:
-    if shape is None:
-        return None
-    height, width = shape
-    if min(height, width) < 0 or 2 * height * width > 8 * arrays["cells"].size:
-        raise ValueError(f"there are fewer than {height} x {width} cells")
-    first = arrays["first_cell"].reshape(2)
-    if max(map(abs, first.tolist())) > FARTHEST_CELL:
-        raise ValueError(f"a cell is more than {FARTHEST_CELL:g} cells away")
-    bits = np.unpackbits(arrays["cells"], count=2 * height * width)
-    is_hit, is_free = bits.view(np.bool_).reshape(2, height, width)
-    return SeenCells(first, is_hit, is_free)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from hypermap.core.history import ADDED, Change
 from hypermap.core.objects import SemanticObject
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive, rows_of_drives
-from hypermap.mapping.frame_log import FrameLog, LoggedFrame, unpacked_frames
+from hypermap.mapping.frame_log import FrameLog, LoggedFrame
 from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.occlusion import sample_points, visible_shares
 from hypermap.mapping.prepared_polygon import PreparedPolygon
@@ -93,8 +93,8 @@ class SecondLook:
         """Unpack frames and keep them for other objects: this takes most of the time."""
         if rows:
             contents = self.log.frames
-            frames = unpacked_frames([contents[row] for row in rows], "the log of frames")
-            moved = moved_frames(frames, list(poses[rows]), self.config.occupancy.resolution)
+            some, resolution = [contents[row] for row in rows], self.config.occupancy.resolution
+            moved = moved_frames(some, poses[rows], resolution, "the log of frames")
             self._unpacked.update(zip(rows, moved, strict=True))
 
 
