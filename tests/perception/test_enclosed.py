@@ -107,6 +107,17 @@ def test_a_thing_in_two_boxes_belongs_to_the_smaller_one() -> None:
     assert np.count_nonzero(cut(depth, [box_of(table | cup)])[0] & cup) > 0.8 * cup.sum()
 
 
+def test_a_thing_far_away_with_the_smaller_box_takes_nothing_of_the_chair_in_front() -> None:
+    depth, shown = look(*CHAIR, (-1.45, 0.0, 7.0, 1.35, 2.0, 7.1))  # too far to be measured well
+    chair, far = (shown >= 0) & (shown < len(CHAIR)), shown == len(CHAIR)
+    boxes = [box_of(chair), box_of(far)]
+    sizes = [(right - left) * (bottom - top) for left, top, right, bottom in boxes]
+    assert sizes[1] < sizes[0]
+    found = cut(depth, boxes)
+    assert shares(found[0], chair)[0] > 0.85
+    assert 1 not in found
+
+
 @pytest.mark.parametrize("looseness", [0.0, 0.1])
 def test_cups_that_touch_are_cut_apart_by_their_boxes(looseness: float) -> None:
     depth, shown = look(FLOOR, WALL, TABLE, FAR_CUP, NEXT_CUP)

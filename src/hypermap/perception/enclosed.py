@@ -27,6 +27,8 @@ BETTER = 0.2  # more intersection over union with the box: surfaces that fit it 
 WHOLE = 0.8  # intersection over union with the box of surfaces that are all of an object
 SOLID = 0.3  # of the pixels in its box: what an object fills that is as deep as it is wide
 DEEP = 0.65  # of its box's larger side between the parts of such an object, a bowl's front and back
+FILLING = 0.5  # intersection over union with the box of surfaces that surely are an object's
+MUCH = 0.1  # of what is measured in a box, that is beyond `max_depth`
 SCATTERED = 0.05  # of the pixels in a box: what is less may be the noise of other surfaces
 
 
@@ -35,7 +37,7 @@ def cut_out(
     valid: BoolArray,
     camera: Camera,
     objects: Sequence[IntArray],
-    farther: Sequence[int],
+    farther: Sequence[IntArray],
     boxes: NDArray[np.float32],
     config: PerceptionConfig,
 ) -> list[IntArray]:
@@ -46,7 +48,7 @@ def cut_out(
         valid: which of its pixels have a point, shape (H, W).
         camera: intrinsics.
         objects: row-major indices of the valid pixels in each detection's box or mask.
-        farther: how many of its other pixels are measured beyond `max_depth`.
+        farther: those of its other pixels that are measured beyond `max_depth`.
         boxes: xmin, ymin, xmax, ymax of the same detections [pixels], shape (N, 4).
         config: noise and thresholds.
 
@@ -57,18 +59,17 @@ def cut_out(
     inside = [_Inside(surfaces, pixels) for pixels in objects]
     is_thing = (surfaces.own_border >= config.min_own_border) & (surfaces.sizes >= SPECK)
     least_inside = np.where(is_thing, config.min_inside * surfaces.sizes, np.inf)
-    owner = np.full(len(surfaces.sizes), -1)
     by_size = sorted(range(len(objects)), key=lambda number: -len(objects[number]))
-    for number in by_size:
-        owner[inside[number].sizes >= least_inside] = number  # smaller ones come later
-    measured = [len(pixels) + more for pixels, more in zip(objects, farther, strict=True)]
+    encloses = np.array([one.sizes >= least_inside for one in inside])
+    owner = _owners(encloses, inside, farther, boxes, by_size, camera, config)
+    measured = [len(pixels) + len(more) for pixels, more in zip(objects, farther, strict=True)]
     cut, scattered, is_again = [], [], []
     for number, (pixels, box) in enumerate(zip(objects, boxes, strict=True)):
         is_chosen = np.zeros(len(owner), dtype=bool)
         if (own := np.flatnonzero(owner == number)).size:
             is_chosen[_together(own, inside[number], box, camera, config)] = True
         else:
-            is_chosen[_flat(inside[number], farther[number], surfaces.planes)] = True
+            is_chosen[_flat(inside[number], len(farther[number]), surfaces.planes)] = True
         found = np.empty(len(pixels), np.int64)
         found = found[: _choose(surfaces.labels.ravel(), pixels, is_chosen, found)]
         whole = _if_fitting(found, box, measured[number], valid.shape, config.min_fit)
@@ -85,7 +86,7 @@ def cut_out(
         label = int(np.argmax(sizes))
         if sizes[label] >= SPECK:
             fit = _iou(inside[number].extents[[label]], box)[0]
-            at = surfaces, label, objects[number], farther[number]
+            at = surfaces, label, objects[number], len(farther[number])
             piece = cut_piece(*at, fit, box, camera, config)
             least = MIN_FIT if is_again[number] else config.min_fit
             cut[number] = piece = _if_fitting(piece, box, measured[number], valid.shape, least)
@@ -93,6 +94,53 @@ def cut_out(
                 for kept in (cut, scattered):
                     kept[larger] = np.setdiff1d(kept[larger], piece, assume_unique=True)
     return [one if len(one) else other for one, other in zip(cut, scattered, strict=True)]
+
+
+def _owners(
+    encloses: BoolArray,
+    inside: Sequence[_Inside],
+    farther: Sequence[IntArray],
+    boxes: NDArray[np.float32],
+    by_size: Sequence[int],
+    camera: Camera,
+    config: PerceptionConfig,
+) -> IntArray:
+    """Return the box to which each surface belongs, -1 for none, shape (S,).
+
+    A surface in several boxes belongs to the smallest: the cup not to the table below it. But the
+    smaller box may be that of a thing beyond `max_depth`, and also show a part of a chair in front.
+    So a box does not get what others enclose, too, if that does not fill it, but what is beyond
+    does.
+
+    Args:
+        encloses: which box encloses which surface, shape (N, S).
+        inside: the part of each surface in each box.
+        farther: row-major indices of the pixels in each box beyond `max_depth`, increasing.
+        boxes: xmin, ymin, xmax, ymax [pixels], shape (N, 4).
+        by_size: the boxes, the largest first.
+        camera: intrinsics.
+        config: how far apart parts of an object may be.
+    """
+    owner = np.full(encloses.shape[1], -1)
+    is_shared = np.count_nonzero(encloses, axis=0) > 1
+    for number in reversed(by_size):
+        own, shown, box = encloses[number] & (owner < 0), inside[number], boxes[number]
+        more = farther[number]
+        if len(more) >= MUCH * (len(more) + shown.sizes.sum()) and (own & is_shared).any():
+            parts = _together(np.flatnonzero(own), shown, box, camera, config)
+            extent = _extent(shown.extents[parts], np.ones((1, len(parts)), bool))
+            fit = _iou(extent, box)[0]
+            if fit < FILLING and _iou(_extent_of(more, camera.width), box)[0] > fit + BETTER:
+                own &= ~is_shared
+        owner[own] = number
+    return owner
+
+
+def _extent_of(pixels: IntArray, width: int) -> IntArray:
+    """Return the extent of row-major, increasing indices of pixels, shape (1, 4)."""
+    columns = pixels % width
+    left, right = columns.min(), columns.max() + 1
+    return np.array([[left, pixels[0] // width, right, pixels[-1] // width + 1]])
 
 
 def _if_fitting(

@@ -62,7 +62,7 @@ def segment(
     if config.method == "enclosed":
         numbers = [number for number, _ in candidates]
         beyond = (frame.z > np.float32(config.max_depth)) & (frame.z <= FARTHEST)
-        farther = [len(_pixels_of(detections, number, beyond)) for number in numbers]
+        farther = [_pixels_of(detections, number, beyond) for number in numbers]
         shown = objects, farther, detections.xyxy[numbers]
         cut = enclosed.cut_out(frame.z, valid, frame.camera, *shown, config)
     else:
