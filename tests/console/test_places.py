@@ -47,7 +47,7 @@ def test_an_area_is_a_rectangle_corners_or_wkt(text):
         ("1,2,1,4", "the area is empty"),
         ("POINT (1 2)", "the area is empty"),
         ("POLYGON EMPTY", "the area is empty"),
-        ("0,0 2,2 2,0 0,2", "the area is empty, or its outline crosses itself"),
+        ("0,0 2,2 2,0 0,2", "the area is empty, has an empty hole, or its outline crosses itself"),
         ("POLYGON((1 2, 3", "this is not WKT"),
         ("kitchen", "this is not WKT"),
     ],

@@ -13,6 +13,7 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.evidence import EvidenceTable
 
 BOX = shapely.box(0, 0, 1, 1)
+HOLLOW = shapely.from_wkt("POLYGON((0 0, 1 0, 1 1, 0 0), EMPTY)")
 with np.errstate(invalid="ignore"):
     NAN = shapely.Polygon([(0, 0), (np.nan, 0), (1, 1)])
 
@@ -49,6 +50,8 @@ def table() -> EvidenceTable:
          "shapes must be finite and within 1e+09 m"),
         ("areas", as_objects([BOX, shapely.box(-2e9, 0, 1, 1)]),
          "shapes must be finite and within 1e+09 m"),
+        ("areas", as_objects([BOX, HOLLOW]),
+         "a hole of a shape must have corners; leave out the empty hole"),
         ("footprints", as_objects([BOX, NAN, BOX]), "shapes must be finite and within 1e+09 m"),
         ("areas", as_objects([NAN, BOX]), "shapes must be finite and within 1e+09 m"),
     ],

@@ -181,6 +181,8 @@ def polygon(*corners: Any) -> shapely.Polygon:
         (None, TypeError, "a footprint must be a polygon or multipolygon, got NoneType"),
         (shapely.Point(), TypeError, "a footprint must be a polygon or multipolygon, got Point"),
         (shapely.Polygon(), ValueError, "a footprint must not be empty"),
+        (shapely.from_wkt("POLYGON((0 0, 1 0, 1 1, 0 0), EMPTY)"), ValueError,
+         "a hole of a footprint must have corners; leave out the empty hole"),
         (polygon((0, 0, 1), (1, 0, 1), (1, 1, 1)), ValueError,
          "a footprint is 2D; its points must have two coordinates"),
         (polygon((0, 0), (1, 0), (1, math.inf)), ValueError,

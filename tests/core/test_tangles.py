@@ -15,7 +15,7 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.errors import AreaError
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.shapes import as_area, can_be_footprints
-from hypermap.core.tangles import are_untangled, check_tangle
+from hypermap.core.tangles import are_untangled, check_tangle, has_empty_hole, is_sound
 
 _SECONDS = 3.0  # of processor time; each of these shapes would take many times as long
 
@@ -100,6 +100,39 @@ def test_outlines_that_are_mended_quickly_are_taken(shape: BaseGeometry) -> None
     began = time.process_time()
     assert as_area(shape).is_valid
     assert time.process_time() - began < _SECONDS
+
+
+HOLLOW = "POLYGON((0 0, 4 0, 4 4, 0 4, 0 0), EMPTY)"
+
+
+@pytest.mark.parametrize(
+    ("wkt", "expected"),
+    [
+        (HOLLOW, True),
+        (f"GEOMETRYCOLLECTION(POINT(9 9), GEOMETRYCOLLECTION({HOLLOW}))", True),
+        ("MULTIPOLYGON(((0 0, 4 0, 4 4, 0 0), EMPTY), ((8 0, 9 0, 9 9, 8 0)))", True),
+        ("POLYGON((0 0, 4 0, 4 4, 0 4, 0 0), EMPTY, (1 1, 2 1, 2 2, 1 1))", True),
+        ("POLYGON((0 0, 4 0, 4 4, 0 4, 0 0), (1 1, 2 1, 2 2, 1 1))", False),
+        ("MULTIPOLYGON(EMPTY, ((0 0, 4 0, 4 4, 0 0)))", False),
+        ("POLYGON EMPTY", False),
+        ("LINESTRING(0 0, 1 1)", False),
+    ],
+)
+def test_a_hole_without_corners_is_found_and_mended_in_areas(wkt: str, expected: bool) -> None:
+    shape = shapely.from_wkt(wkt)
+    both = as_objects([shapely.box(0, 0, 1, 1), shape])
+    assert has_empty_hole(shape) is expected
+    assert has_empty_hole(both).tolist() == [False, expected]
+    assert is_sound(shape) is not expected
+    assert is_sound(both).tolist() == [True, not expected]
+    area = as_area(shape)
+    assert not has_empty_hole(area)
+    assert shapely.equals(area, area)  # with the empty hole, GEOS 3.14 crashes here
+
+
+def test_an_area_with_an_empty_hole_finds_objects() -> None:
+    layer = SemanticLayer("semantic", "map", [SemanticObject("cup", shapely.Point(2, 2).buffer(1))])
+    assert layer.labels_in(shapely.from_wkt(HOLLOW)).values == ["cup"]
 
 
 def test_an_object_of_a_tangled_outline_cannot_be_made() -> None:

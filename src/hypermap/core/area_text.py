@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.tangles import check_tangle
+from hypermap.core.tangles import check_tangle, is_sound
 
 
 def area_from_wkt(text: str) -> BaseGeometry:
@@ -34,5 +34,5 @@ def check_area(area: BaseGeometry) -> None:
     if not np.isfinite(shapely.get_coordinates(area)).all():
         raise ValueError("the numbers of an area must be finite")
     check_tangle(area)
-    if area.area == 0 or not area.is_valid:
-        raise ValueError("the area is empty, or its outline crosses itself")
+    if area.area == 0 or not is_sound(area):
+        raise ValueError("the area is empty, has an empty hole, or its outline crosses itself")

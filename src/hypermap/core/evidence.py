@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray
+from hypermap.core.tangles import has_empty_hole
 
 _FAR = 1e9  # meters; the farthest place of an object
 _DECIMALS = 4  # of meters
@@ -77,6 +78,8 @@ class EvidenceTable:
         for shapes in (self.footprints, self.areas):
             if not np.abs(shapely.get_coordinates(shapes)).max(initial=0) <= _FAR:
                 raise ValueError(f"shapes must be finite and within {_FAR:g} m")
+            if has_empty_hole(shapes).any():
+                raise ValueError("a hole of a shape must have corners; leave out the empty hole")
 
     @classmethod
     def empty(cls) -> EvidenceTable:

@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import FileMissing, HypermapError, NoteError
+from hypermap.core.tangles import is_sound
 
 MAX_TEXT_BYTES = 1_000_000
 """Size of a note's text in UTF-8."""
@@ -179,8 +180,10 @@ class Note:
 def _check_place(place: BaseGeometry) -> None:
     if not isinstance(place, shapely.Point | shapely.Polygon | shapely.MultiPolygon):
         raise NoteError(f"a note is at a point or in an area, not in a {type(place).__name__}")
-    if place.is_empty or not place.is_valid or (place.geom_type != "Point" and place.area == 0):
-        raise NoteError("the place of a note is empty, or its outline crosses itself")
+    if place.is_empty or not is_sound(place) or (place.geom_type != "Point" and place.area == 0):
+        raise NoteError(
+            "the place of a note is empty, has an empty hole, or its outline crosses itself"
+        )
     if max(map(abs, place.bounds)) > _FAR:
         raise NoteError(f"a note is farther away than {_FAR:g} m")
 

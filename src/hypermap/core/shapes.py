@@ -11,7 +11,14 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.core.errors import AreaError
-from hypermap.core.tangles import FEW, are_untangled, check_tangle, is_quickly_sound, is_sound
+from hypermap.core.tangles import (
+    FEW,
+    are_untangled,
+    check_tangle,
+    has_empty_hole,
+    is_quickly_sound,
+    is_sound,
+)
 
 _FAR = 1e9  # meters; areas are clipped there
 _FARTHEST = 1e100  # meters; products of two such lengths do not overflow
@@ -126,8 +133,8 @@ def check_footprint(footprint: Any) -> None:
 
     Raises:
         TypeError: If it is not a shapely polygon or multipolygon.
-        ValueError: If it has no points, or a third, non-finite or absurdly large coordinate, or
-            its outline is so tangled that it cannot be repaired.
+        ValueError: If it has no points, an empty hole, or a third, non-finite or absurdly large
+            coordinate, or its outline is so tangled that it cannot be repaired.
     """
     if not isinstance(footprint, shapely.Polygon | shapely.MultiPolygon):
         raise TypeError(
@@ -137,6 +144,8 @@ def check_footprint(footprint: Any) -> None:
         raise ValueError("a footprint must not be empty")
     if footprint.has_z:
         raise ValueError("a footprint is 2D; its points must have two coordinates")
+    if has_empty_hole(footprint):
+        raise ValueError("a hole of a footprint must have corners; leave out the empty hole")
     corners = shapely.get_coordinates(footprint)
     farthest = np.abs(corners).max()
     if not farthest <= _FAR:
@@ -155,7 +164,7 @@ def can_be_footprints(shapes: ObjectArray) -> BoolArray:
     """Return which geometries, shape (N,), `check_footprint` would accept."""
     kinds = shapely.get_type_id(shapes)
     good = (kinds == shapely.GeometryType.POLYGON) | (kinds == shapely.GeometryType.MULTIPOLYGON)
-    good &= ~shapely.is_empty(shapes) & ~shapely.has_z(shapes)
+    good &= ~shapely.is_empty(shapes) & ~shapely.has_z(shapes) & ~has_empty_hole(shapes)
     if not can_be_corners(shapely.get_coordinates(shapes)):
         points, owners = shapely.get_coordinates(shapes, return_index=True)
         good[owners[~(np.abs(points) <= _FAR).all(axis=1)]] = False

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 
 MOST_CORNERS = 100_000
 """Largest number of corners of a shape."""
@@ -27,15 +27,37 @@ _NEAR = 1_000_000  # pairs of edges whose boxes meet, each counted twice
 
 
 def is_sound(shape: Any) -> Any:
-    """Return whether a geometry is valid; also for an array of them.
+    """Return whether GEOS can compute with a geometry; also for an array of them.
 
-    If GEOS cannot compute with it, as with lengths below 1e-100 m, it is not.
+    It must be valid, and no hole may be empty: GEOS finds that valid, and crashes. Lengths below
+    1e-100 m are none that it can compute with.
     """
-    is_single = isinstance(shape, BaseGeometry)  # its property is several times faster
+    if isinstance(shape, BaseGeometry):  # whose property is several times faster
+        try:
+            return shape.is_valid and not has_empty_hole(shape)
+        except shapely.GEOSException:
+            return False
     try:
-        return shape.is_valid if is_single else shapely.is_valid(shape)
+        return shapely.is_valid(shape) & ~has_empty_hole(shape)
     except shapely.GEOSException:
-        return False if is_single else np.fromiter(map(is_sound, shape), dtype=bool)
+        return np.fromiter(map(is_sound, shape), dtype=bool)
+
+
+def has_empty_hole(shape: Any) -> Any:
+    """Return whether a geometry has a hole without corners; also for an array of them, (N,)."""
+    if isinstance(shape, shapely.Polygon) and shapely.get_num_interior_rings(shape) == 0:
+        return False  # as nearly all
+    if isinstance(shape, BaseGeometry):
+        return bool(has_empty_hole(as_objects([shape]))[0])
+    found = np.zeros(len(shape), dtype=bool)
+    may = shapely.get_num_interior_rings(shape) > 0
+    may |= shapely.get_type_id(shape) >= shapely.GeometryType.MULTIPOINT
+    rows = np.flatnonzero(may)
+    parts, part_of = _parts(shape[rows])
+    is_whole = ~shapely.is_empty(parts)  # the shell of an empty part is empty, too
+    rings, ring_of = shapely.get_rings(parts[is_whole], return_index=True)
+    found[rows[part_of[is_whole][ring_of[shapely.is_empty(rings)]]]] = True
+    return found
 
 
 def is_quickly_sound(shape: BaseGeometry) -> bool:
@@ -89,12 +111,19 @@ def _is_untangled(shape: BaseGeometry) -> bool:
 
 def _edges(shape: BaseGeometry) -> ObjectArray:
     """Return the edges of a geometry's polygons; its other parts are never repaired."""
-    parts = shapely.get_parts(shape)
-    while (shapely.get_type_id(parts) == shapely.GeometryType.GEOMETRYCOLLECTION).any():
-        parts = shapely.get_parts(parts)
+    parts, _ = _parts(as_objects([shape]))
     corners, ring_of = shapely.get_coordinates(shapely.get_rings(parts), return_index=True)
     ends = np.stack([corners[:-1], corners[1:]], axis=1)
     return np.asarray(shapely.linestrings(ends[ring_of[:-1] == ring_of[1:]]))
+
+
+def _parts(shapes: ObjectArray) -> tuple[ObjectArray, IntArray]:
+    """Return the single parts of geometries, (N,), and the number of the geometry of each."""
+    parts, of = shapely.get_parts(shapes, return_index=True)
+    while (shapely.get_type_id(parts) == shapely.GeometryType.GEOMETRYCOLLECTION).any():
+        parts, outer = shapely.get_parts(parts, return_index=True)
+        of = of[outer]
+    return parts, of
 
 
 def _near(edges: ObjectArray) -> IntArray | None:

@@ -18,6 +18,7 @@ from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.embeddings import Embedding
 from hypermap.core.history import EARLIEST
 from hypermap.core.pictures import ObjectPicture, best_pictures
+from hypermap.core.tangles import is_sound
 from hypermap.mapping.columns import Column
 from hypermap.mapping.joined_views import JoinedViews
 from hypermap.mapping.prepared_polygon import PreparedPolygon
@@ -114,7 +115,7 @@ def evidence_from_frames(
 ) -> list[FoundEvidence]:
     """Return the same as `evidence_from` for each frame, which is faster than one by one."""
     footprints = as_objects(one.footprint for each in observations for one in each.objects)
-    is_usable = shapely.is_valid(footprints)
+    is_usable = is_sound(footprints)
     is_usable[is_usable] = shapely.area(footprints[is_usable]) > 0
     flags = iter(is_usable.tolist())
     usable = [[one for one in each.objects if next(flags)] for each in observations]

@@ -151,6 +151,15 @@ def polygon(*points: Any) -> dict[str, Any]:
             "features[0].geometry: is not a valid Polygon: a footprint is 2D",
         ),
         (
+            changed(
+                geometry={
+                    "type": "Polygon",
+                    "coordinates": [[[0, 0], [1, 0], [1, 1], [0, 0]], []],
+                }
+            ),
+            "features[0].geometry: is not a valid Polygon: a hole of a footprint must have corners",
+        ),
+        (
             changed(geometry=polygon([0, 0], [float("nan"), 0], [1, 1])),
             "is not valid JSON: NaN is not a number",
         ),

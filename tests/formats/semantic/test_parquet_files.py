@@ -161,6 +161,8 @@ def edited(**columns: Any) -> bytes:
 
 POINTS = pa.array(shapely.to_wkb(shapely.points([[0, 0]] * 5)))
 SCRIBBLE = shapely.Polygon(np.random.default_rng(0).random((3000, 2)) * 10)
+HOLLOW = shapely.from_wkt("POLYGON((0 0, 1 0, 1 1, 0 0), EMPTY)")
+HOLLOWS = pa.array(shapely.to_wkb([shapely.box(0, 0, 1, 1)] * 3 + [HOLLOW] * 2))
 TANGLED = pa.array(shapely.to_wkb([shapely.box(0, 0, 1, 1)] * 3 + [SCRIBBLE] * 2))
 
 
@@ -172,6 +174,7 @@ TANGLED = pa.array(shapely.to_wkb([shapely.box(0, 0, 1, 1)] * 3 + [SCRIBBLE] * 2
         ({"name": pa.array([1, 2, 3, 4, 5])}, "t: name: expected texts"),
         ({"geometry": None}, "t: geometry: is missing"),
         ({"geometry": POINTS}, "t: geometry in row 0: a footprint must be a polygon or"),
+        ({"geometry": HOLLOWS}, "t: geometry in row 3: a hole of a footprint must have corners"),
         ({"geometry": pa.array([b"x"] * 5)}, "t: geometry: is not well-known binary: "),
         ({"geometry": pa.array([None] * 5, pa.binary())}, "t: geometry: is missing in a row"),
         ({"geometry": TANGLED}, "t: geometry in row 3: an outline of 3001 corners crosses"),

@@ -126,6 +126,10 @@ def test_words_that_yaml_takes_for_something_else_are_names() -> None:
         ("{name: cup, shape: 'POLYGON(())'}", "point 0 of its shape has 0 numbers, not 2"),
         ("{name: cup, shape: POLYGON EMPTY}", "a footprint must not be empty"),
         (
+            "{name: cup, shape: 'POLYGON((0 0, 1 0, 1 1, 0 0), EMPTY)'}",
+            "a hole of a footprint must have corners; leave out the empty hole",
+        ),
+        (
             "{name: cup, shape: POINT(0 0)}",
             "a footprint must be a polygon or multipolygon, got Point",
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hypermap.core.shapes import repaired
+from hypermap.core.tangles import is_sound
 from hypermap.rooms.rooms import Door, Room
 from hypermap.ros.messages.geometry_messages import Types, point, polygons_of
 from hypermap.ros.messages.semantic_messages import polygon_with_holes
@@ -11,7 +12,7 @@ from hypermap.ros.port import Message
 
 def room_message(room: Room, types: Types) -> Message:
     """Return a room as `hypermap_msgs/Room`, in the frame that it has."""
-    shape = room.outline if room.outline.is_valid else repaired(room.outline)
+    shape = room.outline if is_sound(room.outline) else repaired(room.outline)
     return types.message("hypermap_msgs/Room")(
         id=room.id,
         name=room.name,
