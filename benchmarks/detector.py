@@ -5,7 +5,7 @@ Prints the average precision of each class at an IoU of 0.5, and its mean over I
 which fewer than 40 pixels are visible count neither for nor against it. With `--maps` it then maps
 each world with the network and with the detector that knows the truth and errs.
 
-    python benchmarks/detector.py [--worlds demo lab office floor] [--rate 1] [--maps] [--seeds 3]
+    python benchmarks/detector.py [--worlds demo lab ...] [--rate 1] [--maps] [--seeds 3]
 """
 
 from __future__ import annotations
@@ -24,7 +24,13 @@ from hypermap.mapping.config import profile
 from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detections import Detections, Detector
 from hypermap.perception.detectors.sources import detections_from_recording
-from hypermap.simulation import SimulatedRecording, World, built_in_world, ground_truth
+from hypermap.simulation import (
+    SimulatedRecording,
+    World,
+    built_in_world,
+    built_in_worlds,
+    ground_truth,
+)
 from hypermap.simulation.detector import visible_boxes
 from hypermap.simulation.network import class_of, network_detector
 from hypermap.simulation.render import Renderer
@@ -184,7 +190,7 @@ def show_maps(worlds: list[World], seeds: int) -> None:
 def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--worlds", nargs="+", default=["demo", "lab", "office", "floor"])
+    parser.add_argument("--worlds", nargs="+", default=built_in_worlds(), help="by default all")
     parser.add_argument("--rate", type=float, default=1.0, help="images per second of the drives")
     parser.add_argument("--maps", action="store_true")
     parser.add_argument("--seeds", type=int, default=3, help="drives to map in each world")
@@ -192,12 +198,12 @@ def main() -> None:
     detector = network_detector(score_threshold=MIN_SCORE)
     worlds = [built_in_world(name) for name in arguments.worlds]
     parts = []
-    print("world     images  AP at 0.5  AP 0.5..0.95  ms for an image")
+    print("world        images  AP at 0.5  AP 0.5..0.95  ms for an image")
     for world in worlds:
         tallies, images, seconds = tallies_of(world, detector, arguments.rate)
         parts.append(tallies)
         at_half, over_all = mean_precisions(tallies)
-        print(f"{world.name:9}{images:7}{at_half:11.3f}{over_all:14.3f}{1000 * seconds:17.1f}")
+        print(f"{world.name:12}{images:7}{at_half:11.3f}{over_all:14.3f}{1000 * seconds:17.1f}")
     merged = merge(parts)
     print("\nclass      objects  AP at 0.5  AP 0.5..0.95")
     for name, tally in sorted(merged.items()):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -24,13 +26,13 @@ class Network(nn.Module):
         """Make an untrained network."""
         super().__init__()
         self.stem = nn.Sequential(_conv(3, 16, 3, 2), _conv(16, 32, 3, 2), _Block(32))
-        self.down8 = nn.Sequential(_conv(32, 64, 3, 2), _Block(64), _Block(64))
-        self.down16 = nn.Sequential(_conv(64, 96, 3, 2), _Block(96), _Block(96))
+        self.down8 = nn.Sequential(_conv(32, 64, 3, 2), *(_Block(64) for _ in range(3)))
+        self.down16 = nn.Sequential(_conv(64, 96, 3, 2), *(_Block(96) for _ in range(3)))
         self.down32 = nn.Sequential(_conv(96, 128, 3, 2), _Block(128))
         self.lateral = nn.ModuleList(_conv(channels, _NECK, 1) for channels in (64, 96, 128))
         self.smooth = nn.ModuleList(_conv(_NECK, _NECK, 3) for _ in range(2))
-        self.to_classes = _Head(class_count, bias=_RARE)
-        self.to_sides = _Head(4, bias=0.7)
+        self.to_classes = _Head(class_count, bias=_RARE, depth=2)
+        self.to_sides = _Head(4, bias=0.7, depth=1)
         points, strides = _cells()
         self.register_buffer("points", points)
         self.register_buffer("strides", strides)
@@ -84,17 +86,24 @@ class _Block(nn.Module):
 class _Head(nn.Module):
     """What each cell says; the levels are normalized together, as they share the weights."""
 
-    def __init__(self, outputs: int, bias: float) -> None:
+    def __init__(self, outputs: int, bias: float, depth: int) -> None:
         super().__init__()
-        self.conv = nn.Conv2d(_NECK, _NECK, 3, padding=1, bias=False)
-        self.norm = nn.BatchNorm1d(_NECK)
+        self.convs = nn.ModuleList(
+            nn.Conv2d(_NECK, _NECK, 3, padding=1, bias=False) for _ in range(depth)
+        )
+        self.norms = nn.ModuleList(nn.BatchNorm1d(_NECK) for _ in range(depth))
         self.last = nn.Conv1d(_NECK, outputs, 1)
         nn.init.constant_(self.last.bias, bias)
 
-    def forward(self, levels: tuple[Tensor, ...]) -> Tensor:
+    def forward(self, levels: Sequence[Tensor]) -> Tensor:
         """Return numbers for each cell, shape (B, N, outputs)."""
-        joined = torch.cat([self.conv(level).flatten(2) for level in levels], 2)
-        return self.last(functional.relu(self.norm(joined))).transpose(1, 2)
+        shapes = [level.shape[2:] for level in levels]
+        for conv, norm in zip(self.convs, self.norms, strict=True):
+            convolved = torch.cat([conv(level).flatten(2) for level in levels], 2)
+            joined = functional.relu(norm(convolved))
+            parts = joined.split([rows * columns for rows, columns in shapes], 2)
+            levels = [part.unflatten(2, shape) for part, shape in zip(parts, shapes, strict=True)]
+        return self.last(joined).transpose(1, 2)
 
 
 def _conv(inputs: int, outputs: int, size: int, stride: int = 1) -> nn.Sequential:

@@ -1,8 +1,10 @@
 """Renders images of random worlds, with a box around what is visible of each object.
 
-    python training/render_images.py FOLDER --worlds 500
+    python training/render_images.py kept --first 5000000 --worlds 100
 
-Each world becomes a file `NNNNN.npz` in the folder; files that are there are left as they are.
+`train_detector.py` renders its own images while it trains, from 0 on; this saves others, which are
+kept to measure on. Each world becomes a file `NNNNN.npz` in the folder; files that are there are
+left as they are.
 """
 
 from __future__ import annotations
@@ -16,8 +18,8 @@ from random_worlds import RandomWorld
 
 from hypermap.simulation.detector import visible_boxes
 from hypermap.simulation.network import CLASSES, class_of
-from hypermap.simulation.render import Renderer
-from hypermap.simulation.scene import Scene
+from hypermap.simulation.render import DEFAULT_CAMERA
+from hypermap.simulation.views import Views
 
 SEED = 20190412
 MIN_PIXELS = 40  # of an object, below which it is no object to learn
@@ -32,11 +34,11 @@ def render_world(number: int, images: int) -> dict[str, np.ndarray]:
     """
     room = RandomWorld(np.random.default_rng([SEED, number]))
     world = room.world()
-    renderer = Renderer(Scene.of(world))
+    views = Views(world, DEFAULT_CAMERA)
     class_ids = np.array([CLASSES.index(class_of(thing)) for thing in world.objects], dtype=int)
     pictures, boxes, classes, image_ids = [], [], [], []
     for i in range(images):
-        view = renderer.render(room.camera_pose())
+        view = views.seen(room.camera_pose())
         pixels = np.bincount(view.instances[view.instances >= 0], minlength=len(class_ids))
         visible = pixels >= MIN_PIXELS
         pictures.append(view.color)

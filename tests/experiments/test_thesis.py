@@ -230,11 +230,11 @@ def test_the_network_detects_on_a_drive_by_its_own_names() -> None:
         World(
             "test",
             FloorPlan((0, 0, 6, 4)),
-            objects=(WorldObject("chair", (2.5, 2.2), name="stool"), WorldObject("shelf", (5, 2))),
+            objects=(WorldObject("chair", (2.5, 2.2), name="stool"), WorldObject("screen", (5, 2))),
             drive=DrivePlan(((0.5, 2), (0.7, 2)), speed=0.1),
         )
     )
-    assert [thing.label for thing in world.objects] == ["chair", "cupboard"]
+    assert [thing.label for thing in world.objects] == ["chair", "monitor"]
     drive = SimulatedDrive(world, 3, errors_of_level("none"), 1.0, has_network=True)
     mapped = map_drive(drive, {})
     assert mapped.sightings.visible.tolist() == [mapped.frames] * 2

@@ -10,16 +10,8 @@ from hypermap.perception.detectors import load_detector
 from hypermap.simulation.models import MODELS
 from hypermap.simulation.world import World, WorldObject
 
-# What looks alike has one name: a network cannot know what a world's author calls it. The last four
-# came after its training.
-_ALIKE = {
-    "screen": "monitor",
-    "sitter": "person",
-    "shelf": "cupboard",
-    "bed": "sofa",
-    "bottle": "cup",
-    "carton": "bin",
-}
+# What looks alike has one name: a network cannot know what a world's author calls it.
+_ALIKE = {"screen": "monitor", "sitter": "person"}
 CLASSES = tuple(model for model in MODELS if model not in _ALIKE)
 
 
@@ -34,7 +26,7 @@ def named_for_network(world: World) -> World:
     return replace(world, objects=objects)
 
 
-def network_detector(score_threshold: float = 0.2, threads: int | None = None) -> Detector:
+def network_detector(score_threshold: float = 0.3, threads: int | None = None) -> Detector:
     """Return the network that finds the models of `MODELS` in rendered images of 320 x 240.
 
     Args:
