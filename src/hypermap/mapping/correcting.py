@@ -23,6 +23,7 @@ from hypermap.mapping.floor_motions import FloorMotions
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore
 from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.moved_frames import ROUNDING, moved_frames
+from hypermap.mapping.observed_colors import colors_in
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.tracks import TrackTable
 from hypermap.mapping.usable import FARTHEST_POSE
@@ -210,6 +211,7 @@ def map_again(
         change = occupancy.change_by(frame.seen)
         if frame.finds_objects:
             evidence.update_for_good(frame.observation, found)
+            evidence.add_colors(frame.observation.stamp, colors_in(frame.observation))
         change()
         again.add(stamps[begin + number], content, poses[begin + number])
         if on_progress is not None:

@@ -22,7 +22,13 @@ from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.class_sizes import is_usual
 from hypermap.mapping.completion import FreeShare
-from hypermap.mapping.evidence_buffer import CONFIRMED, Evidence, FoundEvidence, evidence_from
+from hypermap.mapping.evidence_buffer import (
+    CONFIRMED,
+    Evidence,
+    FoundEvidence,
+    SeenColor,
+    evidence_from,
+)
 from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.merge_rules import MergeRules
@@ -34,6 +40,7 @@ from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable, are_two
 from hypermap.perception.observation import Observation, ObservedObject
+from hypermap.perception.paint import Rgb
 
 _log = logging.getLogger(__name__)
 
@@ -220,6 +227,26 @@ class EvidenceMap:
         """Replace the pictures of an object, if its track still exists."""
         for row in self._tracks.rows_of([object_id]):
             self._tracks.objects[row].buffer.pictures = pictures
+
+    def lacks_colors(self, stamp: float) -> bool:
+        """Return whether the last frame shows a track with few colors of its drive so far.
+
+        Args:
+            stamp: of this frame [s].
+        """
+        rows = self._tracks.rows_of({number for _, number in self.shown})
+        return any(self._tracks.objects[row].buffer.lacks_colors(stamp) for row in rows)
+
+    def add_colors(self, stamp: float, colors: Mapping[ObservedObject, Rgb | None]) -> None:
+        """Add the colors of objects that the last frame shows, which has this stamp [s].
+
+        None, for an object of several colors, counts as one, so that it is not looked for forever.
+        """
+        for observed, number in self.shown if colors else ():
+            for row in self._tracks.rows_of([number]) if observed in colors else ():
+                track = self._touch(row)
+                if track.name == observed.name:  # otherwise it was misclassified
+                    track.buffer.add_color(SeenColor(stamp, colors[observed]))
 
     def add_embedding(self, object_id: int, embedding: Embedding) -> None:
         """Add the embedding of a view of an object, if its track still exists."""

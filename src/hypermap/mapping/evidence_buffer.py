@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal, TypeAlias
+from operator import attrgetter
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -24,6 +25,7 @@ from hypermap.mapping.joined_views import JoinedViews
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.perception.depth_view import grounds
 from hypermap.perception.observation import Observation, ObservedObject
+from hypermap.perception.paint import Rgb
 
 CONFIRMED = 4
 """Observations that confirm a track."""
@@ -31,7 +33,21 @@ CONFIRMED = 4
 STALE = 3600.0
 """Seconds after which a place may have changed unnoticed: in another drive, or much later."""
 
+_ENOUGH = 3  # colors of an object in a drive
+_MOST_COLORS = 12
 _STEPS = 4096  # per meter; points of visible areas are rounded to such steps
+
+
+class SeenColor(NamedTuple):
+    """The color of an object in one frame.
+
+    Attributes:
+        stamp: time of the frame [s].
+        rgb: the median of its pixels, sRGB, 0..255; None if they are of several colors.
+    """
+
+    stamp: float
+    rgb: Rgb | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,6 +205,7 @@ class EvidenceBuffer:
         last_seen: the newest stamp [s].
         pictures: of the object, best first.
         embedding: weighted mean of all views; None if none was embedded.
+        colors: of the object, a few of each of the newest drives, oldest first.
     """
 
     def __init__(self, limit: int) -> None:
@@ -208,6 +225,7 @@ class EvidenceBuffer:
         self.last_seen = -np.inf
         self.pictures: tuple[ObjectPicture, ...] = ()
         self.embedding: Embedding | None = None
+        self.colors: tuple[SeenColor, ...] = ()
 
     @classmethod
     def of(
@@ -257,6 +275,7 @@ class EvidenceBuffer:
         for other in others:
             self.items.extend(other.items)
             self.pictures = best_pictures([*self.pictures, *other.pictures])
+            self.colors = _newest([*self.colors, *other.colors])
             if other.embedding is not None:
                 self.embedding = other.embedding.plus(self.embedding)
             self._count(other.count, other.score_sum, other.first_seen, other.last_seen)
@@ -266,6 +285,16 @@ class EvidenceBuffer:
         self._centroids, self._views = Column(np.empty((0, 2))), None
         for evidence in self.items:
             self._centroids.append(evidence.centroid_xy)
+
+    def lacks_colors(self, stamp: float) -> bool:
+        """Return whether few of its colors are of the drive that goes on at a stamp [s]."""
+        newest = self.colors[-_ENOUGH:]
+        return len(newest) < _ENOUGH or stamp - newest[0].stamp > STALE
+
+    def add_color(self, color: SeenColor) -> None:
+        """Add a color, unless there are enough of its drive."""
+        if self.lacks_colors(color.stamp):
+            self.colors = _newest([*self.colors, color])
 
     @property
     def has_gap(self) -> bool:
@@ -378,6 +407,10 @@ def _median(numbers: list[float]) -> float:
     numbers.sort()
     middle = len(numbers) // 2
     return numbers[middle] if len(numbers) % 2 else (numbers[middle - 1] + numbers[middle]) / 2
+
+
+def _newest(colors: Iterable[SeenColor]) -> tuple[SeenColor, ...]:
+    return tuple(sorted(colors, key=attrgetter("stamp"))[-_MOST_COLORS:])
 
 
 def _shared(shapes: ObjectArray, shape: BaseGeometry) -> ObjectArray:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import as_objects
 from hypermap.core.frames import Pose2D
 from hypermap.formats.array_file import ArrayFile, dump_arrays, packed_shapes
+from hypermap.mapping.color_arrays import packed_colors
 from hypermap.mapping.seen_cells import SeenCells
 from hypermap.mapping.tracks import TrackTable
 from hypermap.perception.depth_view import DepthView
@@ -101,6 +102,7 @@ def packed_frame(frame: LoggedFrame) -> bytes:
     arrays = {
         "pose": observation.map_T_camera.astype(np.float64),
         "objects": np.array(numbers, np.float64).reshape(-1, 3),
+        **packed_colors("colors", [one.color for one in objects]),
         **packed_shapes("shapes", as_objects(shapes)),
         **view_arrays,
         **cell_arrays,

@@ -38,6 +38,7 @@ from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.looks import embed_objects
 from hypermap.mapping.map_metadata import made_metadata
 from hypermap.mapping.mapper_state import MapperState, dump_state
+from hypermap.mapping.observed_colors import with_colors
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
 from hypermap.mapping.pictures import keep_pictures
@@ -227,7 +228,10 @@ class Mapper:
             self.place.add(aligned, perceived)
         if self.pose_changes is not None:
             self.pose_changes.add(frame.stamp, frame.map_T_camera, aligned.map_T_camera)
-        logged = LoggedFrame(perceived.observation, perceived.cells, self._looks_for_objects)
+        observation = perceived.observation
+        if self.config.evidence.moves:  # nothing else compares colors
+            observation = with_colors(aligned, observation, self.evidence)
+        logged = LoggedFrame(observation, perceived.cells, self._looks_for_objects)
         self._frame_log.add(frame.stamp, packed_frame(logged), aligned.map_T_camera)
         self._keep_looks(aligned, perceived.detections)
         if self.watch is not None:

@@ -22,6 +22,7 @@ from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence, Evidenc
 from hypermap.mapping.fusion import Fusion
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.track_colors import differ_in_color
 from hypermap.mapping.tracks import TrackTable
 
 GONE = 0.0
@@ -74,6 +75,9 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
         return []
     is_near, ways = _within_reach(tracks, gone, there)
     may_be = _possible(tracks, gone, there, is_near, stamp)
+    if may_be.any():
+        is_near &= ~differ_in_color(tracks, gone, there)
+        may_be &= is_near
     if not may_be.any():  # comparing shapes takes much longer than all of this
         return []
     # Most drives do not get here, and the import takes a quarter of a second.
@@ -298,6 +302,7 @@ def _buffer_of(
         whole.last_seen,
     )
     part.pictures = whole.pictures
+    part.colors = whole.colors
     return part
 
 

@@ -16,6 +16,7 @@ from hypermap.core.arrays import ObjectArray
 from hypermap.core.errors import FormatError
 from hypermap.core.frames import Pose2D
 from hypermap.formats.array_file import ArrayFile, parse_arrays, unpacked_shapes
+from hypermap.mapping.color_arrays import unpacked_colors
 from hypermap.mapping.frame_log import FARTHEST_CELL, FORMAT, VERSION, LoggedFrame, floor_motions
 from hypermap.mapping.seen_cells import SeenCells
 from hypermap.perception.depth_view import DepthView
@@ -146,10 +147,11 @@ def _frame(
     facts, arrays = file.facts, file.arrays
     area, *footprints = shapes
     numbers = arrays["objects"].reshape(-1, 3).tolist()
+    colors = unpacked_colors("colors", arrays, len(numbers))
     objects = tuple(
-        ObservedObject(str(name), score, footprint, z_min + way.rise, z_max + way.rise)
-        for name, footprint, (score, z_min, z_max) in zip(
-            facts["names"], footprints, numbers, strict=True
+        ObservedObject(str(name), score, footprint, z_min + way.rise, z_max + way.rise, color=color)
+        for name, footprint, (score, z_min, z_max), color in zip(
+            facts["names"], footprints, numbers, colors, strict=True
         )
     )
     view = _view(facts["view"], arrays, low_bytes, way.pose)

@@ -7,7 +7,7 @@ tables can read the present one: what only they have is in separate arrays (`mor
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, TypeVar
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import as_objects
 from hypermap.formats.array_file import packed_shapes, unpacked_shapes
-from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.color_arrays import packed_colors, unpacked_colors
+from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer, SeenColor
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import Track, TrackTable
@@ -144,6 +145,7 @@ def _columns(prefix: str, tracks: TrackTable) -> dict[str, NDArray[Any]]:
         "kept": _whole([len(buffer) for buffer in buffers]),
         "scores_and_times": np.array(times, np.float64).reshape(-1, 3),
         "co_occurrences": _whole(both).reshape(-1, 3),
+        **_packed_colors(buffers),
     }
     return {f"{prefix}track.{name}": column for name, column in columns.items()}
 
@@ -281,11 +283,13 @@ def _table(
     moved, moved_since, gone_since = (
         _numbers(ids, facts.get(key, ())) for key in ("moved", "moved_since", "gone_since")
     )
+    colors = _unpacked_colors(arrays, len(ids))
     begin = 0
     for (id_, name, shape, existence, heights, pending, count, times, lost), end in zip(
         zip(*columns, strict=True), ends, strict=True
     ):
         buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, count, *times)
+        buffer.colors = next(colors)
         track = Track(id_, str(name), buffer, co_occurrences[id_], pending)
         track.moved, track.moved_since = moved.get(id_), moved_since.get(id_)
         track.gone_since = gone_since.get(id_)
@@ -293,6 +297,36 @@ def _table(
         begin = end
     tracks.next_id = max(tracks.next_id, int(facts["next_id"]))
     return tracks
+
+
+def _packed_colors(buffers: Sequence[EvidenceBuffer]) -> dict[str, NDArray[Any]]:
+    """Return the colors of all tracks, one track after another; no arrays if there are none."""
+    colors = [color for buffer in buffers for color in buffer.colors]
+    if not colors:
+        return {}
+    return {
+        "colors": _whole([len(buffer.colors) for buffer in buffers]),
+        "color_stamps": np.array([color.stamp for color in colors], np.float64),
+        **packed_colors("color_values", [color.rgb for color in colors]),
+    }
+
+
+def _unpacked_colors(arrays: _Arrays, count: int) -> Iterator[tuple[SeenColor, ...]]:
+    """Yield the colors of each of `count` tracks; files of earlier versions have none."""
+    if "colors" not in arrays:
+        yield from [()] * count
+        return
+    stamps = arrays["color_stamps"].tolist()
+    ends = np.cumsum(arrays["colors"]).tolist()
+    is_whole = len(ends) == count and (arrays["colors"] >= 0).all()
+    if not (is_whole and len(stamps) == (ends[-1] if ends else 0)):
+        raise ValueError("the colors do not match the tracks")
+    if not np.isfinite(arrays["color_stamps"]).all():
+        raise ValueError("the stamps of the colors are no numbers")
+    values = unpacked_colors("color_values", arrays, len(stamps))
+    found = list(map(SeenColor, stamps, values))
+    for begin, end in pairwise([0, *ends]):
+        yield tuple(found[begin:end])
 
 
 def _numbers(ids: Sequence[int], values: Sequence[float | None]) -> dict[int, float]:

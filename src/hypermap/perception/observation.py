@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import IntArray
 from hypermap.perception.depth_view import DepthView
+from hypermap.perception.paint import Rgb
 from hypermap.perception.segments import Segment
 
 
@@ -26,6 +28,8 @@ class ObservedObject:
         segment: its points and its detection; None unless requested.
         detection: the number of its detection in the frame; None if it has none.
         pixel_count: how many pixels show it.
+        pixels: row-major indices of some of these, from all over it; None if unknown.
+        color: the median of its pixels, sRGB, 0..255; None if unknown.
     """
 
     name: str
@@ -36,6 +40,8 @@ class ObservedObject:
     segment: Segment | None = None
     detection: int | None = None
     pixel_count: int = 0
+    pixels: IntArray | None = None
+    color: Rgb | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from hypermap.perception.footprints import footprint
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.perception.outline import outer_points
+from hypermap.perception.paint import some_of
 from hypermap.perception.projection import transform
 from hypermap.perception.segmentation import segment, valid_pixels
 
@@ -72,6 +73,7 @@ def observe(
                 segment=found if keep_segments else None,
                 detection=int(found.detection),
                 pixel_count=len(found.pixels),
+                pixels=some_of(found.pixels),
             )
         )
     outer = outer_points(frame, valid, near_T_camera, config.voxel_size, config.visible_step)

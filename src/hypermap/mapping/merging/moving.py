@@ -37,6 +37,7 @@ def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> T
         old, end = track.buffer, begin + len(track.buffer)
         times = old.score_sum, old.first_seen, old.last_seen
         buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, old.count, *times)
+        buffer.colors = old.colors
         buffer.pictures = tuple(
             dataclasses.replace(each, azimuth=each.azimuth + a_T_b.yaw) for each in old.pictures
         )

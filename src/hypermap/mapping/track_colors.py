@@ -1,0 +1,142 @@
+"""Colors of tracks: which two are surely not one object, whatever the light of the day.
+
+Source: the gains of each channel between two drives are a diagonal (von Kries) adaptation, as in
+Finlayson et al., "Diagonal transforms suffice for color constancy", ICCV 1993; colors are compared
+in CIELAB (CIE 15:2004) by their Euclidean distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray
+from hypermap.mapping.evidence_buffer import STALE, EvidenceBuffer, SeenColor
+from hypermap.mapping.tracks import TrackTable
+
+_MOST = 12.0  # distance in CIELAB between two views of one object
+_SHADE = 3.0  # times as bright as in another view, with another side in the light
+_COMMON = 3  # objects in two drives from which the light of one is known from the other's
+_DARK = 0.002  # added to linear channels, whose ratios say little where they are nearly 0
+_UNKNOWN = np.full(3, np.nan)
+
+_XYZ = np.array(
+    [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+)  # of linear sRGB, IEC 61966-2-1
+_WHITE = _XYZ.sum(axis=1)
+
+
+def differ_in_color(tracks: TrackTable, before: Sequence[int], now: Sequence[int]) -> BoolArray:
+    """Return which pairs of tracks have such different colors that they are two objects.
+
+    What all objects of two drives have in common is the light, or the camera, and does not count.
+
+    Args:
+        tracks: all tracks.
+        before: rows of tracks that are gone, N.
+        now: rows of tracks that have come, M.
+
+    Returns:
+        Shape (N, M); False where a color is unknown, or the light.
+    """
+    after = [_newest(_paints(tracks.objects[row].buffer)) for row in now]
+    found = [_while_there(tracks.objects[row].buffer) for row in before]
+    gains = _Gains(tracks)
+    expected = np.array(
+        [_UNKNOWN if one is None else one.color * gains.since(one) for one in found]
+    ).reshape(-1, 1, 3)
+    seen = np.array([_UNKNOWN if one is None else one.color for one in after]).reshape(1, -1, 3)
+    ratios = np.median((seen + _DARK) / (expected + _DARK), axis=2, keepdims=True)
+    half = np.sqrt(np.clip(ratios, 1 / _SHADE, _SHADE))
+    steps = _lab(expected * half) - _lab(seen / half)
+    differ: BoolArray = np.linalg.norm(steps, axis=2) > _MOST
+    return differ
+
+
+class _Paint(NamedTuple):
+    """The color of an object in one drive.
+
+    Attributes:
+        first: stamp of the first frame from which it is known [s].
+        last: of the last one [s].
+        color: linear sRGB, 0..1, shape (3,).
+    """
+
+    first: float
+    last: float
+    color: NDArray[np.float64]
+
+
+def _paints(buffer: EvidenceBuffer) -> tuple[_Paint, ...]:
+    """Return the color of an object in each drive of which it is known, oldest first."""
+    return _paints_of(buffer.colors)
+
+
+@lru_cache(maxsize=2000)
+def _paints_of(colors: tuple[SeenColor, ...]) -> tuple[_Paint, ...]:
+    colors = tuple(color for color in colors if color.rgb is not None)
+    ends = [i + 1 for i, (a, b) in enumerate(pairwise(colors)) if b.stamp - a.stamp > STALE]
+    parts = [colors[i:j] for i, j in pairwise([0, *ends, len(colors)]) if j > i]
+    return tuple(
+        _Paint(part[0].stamp, part[-1].stamp, _linear(np.median([c.rgb for c in part], axis=0)))
+        for part in parts
+    )
+
+
+def _newest(paints: Sequence[_Paint]) -> _Paint | None:
+    return paints[-1] if paints else None
+
+
+def _while_there(buffer: EvidenceBuffer) -> _Paint | None:
+    """Return the newest color of an object from while it surely was there."""
+    end = buffer.surely_there[1]
+    return _newest([paint for paint in _paints(buffer) if paint.first <= end])
+
+
+class _Gains:
+    """By how much each channel is brighter in the newest drive than in earlier ones."""
+
+    def __init__(self, tracks: TrackTable) -> None:
+        self._paints = [found for one in tracks.objects if (found := _paints(one.buffer))]
+        self._newest = max((paints[-1].last for paints in self._paints), default=-np.inf)
+        self._known: list[tuple[float, NDArray[np.float64]]] = []
+
+    def since(self, paint: _Paint) -> NDArray[np.float64]:
+        """Return the gains since the drive of a color, shape (3,); NaN if they are unknown."""
+        if paint.last > self._newest - STALE:
+            return np.ones(3)
+        for stamp, gains in self._known:
+            if abs(stamp - paint.last) < STALE:
+                return gains
+        self._known.append((paint.last, self._between(paint.last)))
+        return self._known[-1][1]
+
+    def _between(self, stamp: float) -> NDArray[np.float64]:
+        ratios = [
+            (paints[-1].color + _DARK) / (then.color + _DARK)
+            for paints in self._paints
+            if paints[-1].last > self._newest - STALE
+            for then in paints[:-1]
+            if then.first - STALE < stamp < then.last + STALE
+        ]
+        return np.median(ratios, axis=0) if len(ratios) >= _COMMON else _UNKNOWN
+
+
+def _linear(color: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an sRGB color, 0..255, as linear values, 0..1; source: IEC 61966-2-1."""
+    c = color / 255
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def _lab(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return colors of linear sRGB, 0..1, in CIELAB, shape (..., 3) both."""
+    t = (linear @ _XYZ.T) / _WHITE
+    delta = 6 / 29
+    f = np.where(t > delta**3, np.cbrt(t), t / (3 * delta**2) + 4 / 29)
+    x, y, z = np.moveaxis(f, -1, 0)
+    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
