@@ -18,8 +18,9 @@ from PIL import Image
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
+from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.formats import limits
+from hypermap.formats import limits, save_map
 from hypermap.formats.grid import pictures
 from hypermap.formats.grid.map_server import PLUGIN, load_occupancy
 from hypermap.formats.grid.pictures import decode_gray
@@ -428,6 +429,14 @@ def test_a_map_that_names_a_folder_of_its_robot_opens_with_the_picture_beside_it
     assert caplog.messages == [
         f"{yaml}: image: there is no {image}; {beside} is taken, which lies here"
     ]
+
+
+def test_a_whole_hypermap_in_place_of_a_bare_map_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    path = tmp_path / "office.hmap"
+    layer = OccupancyLayer("occupancy", "map", GridGeometry(1, 1, 0.05), np.zeros((1, 1), np.int8))
+    save_map(Hypermap([layer]), path)
+    with pytest.raises(FormatError, match=r"is an archive.* --layer occupancy"):
+        load_occupancy(path)
 
 
 def test_thresholds_that_are_missing_are_those_of_map_saver(

@@ -147,7 +147,14 @@ def parse_map_yaml(content: bytes, path: str) -> MapYaml:
 
 
 def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
-    described = parse_map_yaml(read_file(path), str(path))
+    content = read_file(path)
+    if content.startswith(b"PK"):
+        raise FormatError(
+            "is an archive, not a map_server YAML file; for a hypermap's occupancy layer as such a "
+            "file: hypermap convert MAP.hmap map.yaml --layer occupancy",
+            path=path,
+        )
+    described = parse_map_yaml(content, str(path))
     image = _picture_of(path, described.image)
     try:
         content = read_file(image)
