@@ -68,8 +68,18 @@ def _bow_ties(count: int) -> NDArray[np.float64]:
         lambda: _repeated_parts(3_000),
         lambda: _circle(200_000),
         lambda: shapely.GeometryCollection([shapely.GeometryCollection([_scribble(3_000)])]),
+        lambda: shapely.GeometryCollection([shapely.MultiPolygon([_scribble(3_000)])]),
     ],
-    ids=["scribble", "rays", "circles", "comb", "repeated parts", "too many corners", "nested"],
+    ids=[
+        "scribble",
+        "rays",
+        "circles",
+        "comb",
+        "repeated parts",
+        "too many corners",
+        "nested",
+        "a collection's several",
+    ],
 )
 def test_what_would_take_geos_minutes_is_refused_at_once(make: Callable[[], BaseGeometry]) -> None:
     shape = make()
@@ -111,6 +121,7 @@ HOLLOW = "POLYGON((0 0, 4 0, 4 4, 0 4, 0 0), EMPTY)"
         (HOLLOW, True),
         (f"GEOMETRYCOLLECTION(POINT(9 9), GEOMETRYCOLLECTION({HOLLOW}))", True),
         ("MULTIPOLYGON(((0 0, 4 0, 4 4, 0 0), EMPTY), ((8 0, 9 0, 9 9, 8 0)))", True),
+        ("GEOMETRYCOLLECTION(MULTIPOLYGON(((0 0, 4 0, 4 4, 0 0), EMPTY)))", True),
         ("POLYGON((0 0, 4 0, 4 4, 0 4, 0 0), EMPTY, (1 1, 2 1, 2 2, 1 1))", True),
         ("POLYGON((0 0, 4 0, 4 4, 0 4, 0 0), (1 1, 2 1, 2 2, 1 1))", False),
         ("MULTIPOLYGON(EMPTY, ((0 0, 4 0, 4 4, 0 0)))", False),

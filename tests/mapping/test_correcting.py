@@ -8,6 +8,7 @@ import json
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -374,6 +375,26 @@ def test_a_logged_frame_without_all_ends_of_its_rays_is_damaged(change: int) -> 
     wrong = content[:-1] if change < 0 else content + b"\0"
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged: there are \d ends of rays"):
         unpacked(wrong)
+
+
+@pytest.mark.parametrize(
+    "ends",
+    [
+        np.full(6, -5000, np.int64),  # as bytes, they would be places far outside a table
+        np.ones(6, np.float16),
+        np.ones((2, 6), np.float64),
+        np.ones((6, 1, 1), np.uint8),
+        np.ones((3, 6), np.uint8),
+    ],
+)
+def test_ends_of_logged_rays_that_are_no_bytes_are_damage(ends: NDArray[Any]) -> None:
+    unpack = zlib.decompressobj()
+    plain = unpack.decompress(packed_frame(frame_with_view(np.ones((2, 3), np.float32))))
+    file = parse_arrays(plain, frame_log.FORMAT, frame_log.VERSION, "x.hmap")
+    wrong = ArrayFile(file.facts, {**file.arrays, "reach": ends})
+    content = zlib.compress(dump_arrays(wrong, frame_log.FORMAT, frame_log.VERSION))
+    with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
+        unpacked(content + unpack.unused_data)
 
 
 @pytest.mark.parametrize("shape", [[10**6, 10**6], [-1, 2], [1, 1.5], [2], "ab"])

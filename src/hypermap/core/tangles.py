@@ -120,7 +120,7 @@ def _edges(shape: BaseGeometry) -> ObjectArray:
 def _parts(shapes: ObjectArray) -> tuple[ObjectArray, IntArray]:
     """Return the single parts of geometries, (N,), and the number of the geometry of each."""
     parts, of = shapely.get_parts(shapes, return_index=True)
-    while (shapely.get_type_id(parts) == shapely.GeometryType.GEOMETRYCOLLECTION).any():
+    while (shapely.get_type_id(parts) >= shapely.GeometryType.MULTIPOINT).any():  # not single
         parts, outer = shapely.get_parts(parts, return_index=True)
         of = of[outer]
     return parts, of

@@ -177,8 +177,8 @@ def _view(
         low, high = arrays["reach"].reshape(2, -1)
     else:
         low, high = np.frombuffer(low_bytes, np.uint8), arrays["reach"]
-    if not height * width == len(low) == len(high):
-        raise ValueError(f"there are {len(low)} ends of rays, not {height} x {width}")
+    if high.dtype != np.uint8 or not (height * width,) == low.shape == high.shape:
+        raise ValueError(f"there are {len(low)} ends of rays, not {height} x {width} in bytes")
     reach = np.empty((height, width), np.float32)
     _join_halves(low, high, _FLOAT32, reach)
     farthest = np.inf if facts["max_range"] is None else float(facts["max_range"])
