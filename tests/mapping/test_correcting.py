@@ -397,6 +397,13 @@ def test_ends_of_logged_rays_that_are_no_bytes_are_damage(ends: NDArray[Any]) ->
         unpacked(content + unpack.unused_data)
 
 
+def test_a_visible_area_with_an_empty_hole_is_damage() -> None:
+    area = shapely.from_wkt("POLYGON((0 0, 4 0, 4 4, 0 0), EMPTY)")  # GEOS crashes on it
+    frame = LoggedFrame(Observation(1.0, np.eye(4), (), area), None)
+    with pytest.raises(FormatError, match=r"x\.hmap: is damaged: one of shapes has an empty hole"):
+        unpacked(packed_frame(frame))
+
+
 @pytest.mark.parametrize("shape", [[10**6, 10**6], [-1, 2], [1, 1.5], [2], "ab"])
 def test_a_logged_frame_of_more_cells_than_it_holds_takes_no_memory(shape: object) -> None:
     some = np.ones((2, 3), bool)

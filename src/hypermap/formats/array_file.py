@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import FormatError
+from hypermap.core.tangles import has_empty_hole
 from hypermap.formats.columns.footprints import footprints_from_wkb
 
 _SIZES = {"<f8": 8, "<f4": 4, "<f2": 2, "<i8": 8, "<u4": 4, "|u1": 1}  # bytes of each type
@@ -128,4 +129,6 @@ def unpacked_shapes(name: str, arrays: Mapping[str, NDArray[Any]]) -> ObjectArra
     points = arrays[f"{name}.points"].T
     if not (np.isin(shapely.get_type_id(shapes), kinds).all() and np.isfinite(points).all()):
         raise ValueError(f"{name} are not polygons")
+    if has_empty_hole(shapes).any():
+        raise ValueError(f"one of {name} has an empty hole")
     return np.asarray(shapely.set_coordinates(shapes, points))
