@@ -20,6 +20,7 @@ from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.keyframes import KeyframeSelector
+from hypermap.mapping.perceived import Perceived
 from hypermap.mapping.stages import AlignmentConfig, KeyframeConfig
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detections import Detections
@@ -147,7 +148,8 @@ class _Looks:
             detections = frame.detections
             nothing = Detections.of([], [], [])
             found = nothing if detections is None else detections
-            self._seen[look] = observe(frame, found, config.perception)
+            seen = Perceived(found, 0, observe(frame, found, config.perception), None)
+            self._seen[look] = seen.corrected_from(self._frame.map_T_camera).observation
         return self._seen[look]
 
     def _aligned(self, way: _Way) -> RgbdFrame:
