@@ -32,7 +32,7 @@ def progressive(scans: int) -> bytes:
 @pytest.mark.parametrize(
     "decode",
     [
-        lambda jpeg: decode_gray(jpeg, "map.jpg"),
+        lambda jpeg: list(decode_gray(jpeg, "map.jpg")),
         lambda jpeg: attachment_of_bytes(jpeg, "tile.jpg"),
         decode_color,
         picture_size,

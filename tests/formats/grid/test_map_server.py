@@ -374,15 +374,25 @@ def test_a_picture_is_the_same_in_bands(monkeypatch: pytest.MonkeyPatch) -> None
         content = io.BytesIO()
         made = Image.fromarray(shades[..., 0].astype(np.uint16) if mode == "I;16" else shades)
         (made if mode == "I;16" else made.convert(mode)).save(content, "PNG")
-        whole = decode_gray(content.getvalue(), "map.png")
+        [whole] = decode_gray(content.getvalue(), "map.png")
         with monkeypatch.context() as patched:
             patched.setattr(pictures, "_BAND_PIXELS", 10)
-            banded = decode_gray(content.getvalue(), "map.png")
-        assert (banded.values == whole.values).all()
-        assert banded.white == whole.white
-        assert (banded.opaque is None) == (whole.opaque is None)
+            bands = list(decode_gray(content.getvalue(), "map.png"))
+        assert [band.top for band in bands] == [0, 2, 4, 6]
+        assert {(band.white, band.height) for band in bands} == {(whole.white, 7)}
+        assert (np.concatenate([band.values for band in bands]) == whole.values).all()
+        opaque = [band.opaque for band in bands if band.opaque is not None]
+        assert len(opaque) == (0 if whole.opaque is None else 4)
         if whole.opaque is not None:
-            assert (banded.opaque == whole.opaque).all()
+            assert (np.concatenate(opaque) == whole.opaque).all()
+
+
+def test_the_first_row_of_a_picture_of_several_bands_is_the_top_of_the_map(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(pictures, "_BAND_PIXELS", 4)
+    image = picture([[0, 0], [255, 0], [255, 255], [0, 255], [255, 255]])
+    assert cells(image) == [[0, 0], [100, 0], [0, 0], [0, 100], [100, 100]]
 
 
 def test_a_layer_without_cells_writes_nothing() -> None:

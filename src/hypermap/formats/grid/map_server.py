@@ -37,7 +37,7 @@ from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml, write_yaml
 
 if TYPE_CHECKING:
-    from hypermap.formats.grid.pictures import GrayPicture
+    from hypermap.formats.grid.pictures import GrayBand
 
 Cells = NDArray[np.int8] | NDArray[np.int16]
 _Fraction = Annotated[float, Field(ge=0, le=1)]
@@ -209,9 +209,9 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
             pass
     from hypermap.formats.grid.pictures import decode_gray  # with Pillow, which few maps need
 
-    picture = decode_gray(content, path)
-    _warn_of_unknown_as_free(picture, described, path)
-    return cells_from_picture(picture, described)
+    cells, unknown = _cells_from_picture(decode_gray(content, path), described)
+    _warn_of_unknown_as_free(unknown, described, path)
+    return cells
 
 
 def _warn_of_missing_thresholds(described: MapYaml, path: str) -> None:
@@ -238,17 +238,14 @@ def _warn_of_degrees(yaw: float, path: str) -> None:
         )
 
 
-def _warn_of_unknown_as_free(picture: GrayPicture, described: MapYaml, path: str) -> None:
+def _warn_of_unknown_as_free(count: int, described: MapYaml, path: str) -> None:
     """Warn if the cells that map_saver draws as unknown are free, as in map_server itself.
 
     Nav2's map_saver writes them with a gray of 205 and, by default, a free_thresh of 0.25.
     """
     if described.mode != "trinary" or described.negate:
         return
-    if described.free_thresh <= (255 - _UNKNOWN_GRAY) / 255:
-        return
-    count = int(np.count_nonzero(picture.values == _UNKNOWN_GRAY * picture.white / 255))
-    if count:
+    if count and described.free_thresh > (255 - _UNKNOWN_GRAY) / 255:
         logger.warning(
             "%s: %d cells with the gray %d are free, because free_thresh is %g; map_saver writes "
             "unknown cells with this gray; if they are unknown, set free_thresh to 0.196",
@@ -259,15 +256,24 @@ def _warn_of_unknown_as_free(picture: GrayPicture, described: MapYaml, path: str
         )
 
 
-def cells_from_picture(picture: GrayPicture, described: MapYaml) -> Cells:
+def _cells_from_picture(bands: Iterable[GrayBand], described: MapYaml) -> tuple[Cells, int]:
     """Return the cells, row 0 at the bottom; int16 where a raw picture has values above 100.
+
+    Also return how many pixels have the gray of map_saver's unknown cells.
 
     Source: ROS' map_server, image_loader.cpp, with a range of 100 where that has 99.
     """
-    cells: Cells = _cell_of_value(picture.white, described)[picture.values[::-1]]
-    if picture.opaque is not None:
-        cells[~picture.opaque[::-1]] = UNKNOWN
-    return _narrowed(cells)
+    unknown = 0
+    for band in bands:
+        if band.top == 0:
+            of_value = _cell_of_value(band.white, described)
+            cells: Cells = np.empty((band.height, band.values.shape[1]), of_value.dtype)
+        rows = cells[::-1][band.top : band.top + len(band.values)]
+        rows[:] = of_value[band.values]
+        if band.opaque is not None:
+            rows[~band.opaque] = UNKNOWN
+        unknown += int(np.count_nonzero(band.values == _UNKNOWN_GRAY * band.white // 255))
+    return _narrowed(cells), unknown
 
 
 def _cells_from_bands(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import io
-import itertools
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,22 +38,28 @@ _BAND_PIXELS = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
-class GrayPicture:
-    """A picture's brightness; row 0 is its top.
+class GrayBand:
+    """The brightness of some rows of a picture; row 0 is its top.
 
     Attributes:
-        values: sum of the color channels, unsigned, shape (height, width).
+        values: sum of the color channels, unsigned, shape (rows, width).
         white: the value of white.
         opaque: whether each pixel is fully opaque; None where all are.
+        top: the first of these rows.
+        height: of the whole picture.
     """
 
     values: NDArray[np.unsignedinteger[Any]]
     white: int
     opaque: NDArray[np.bool_] | None
+    top: int
+    height: int
 
 
-def decode_gray(content: bytes, path: str) -> GrayPicture:
-    """Return a picture's gray values; those of colors are the mean of their channels.
+def decode_gray(content: bytes, path: str) -> Iterator[GrayBand]:
+    """Yield a picture's gray values from the top; those of colors are the mean of their channels.
+
+    Most kinds of pictures would take several times the memory if converted as a whole.
 
     Args:
         content: the picture file.
@@ -63,12 +70,25 @@ def decode_gray(content: bytes, path: str) -> GrayPicture:
     """
     if content.startswith(START_OF_JPEG) and (scans := scans_of(content)) > MOST_SCANS:
         raise FormatError(f"has {scans} scans; at most {MOST_SCANS} are read", path=path)
+    with _as_format_errors(path):
+        image = Image.open(io.BytesIO(content), formats=_KINDS)
+        _check_size(image, path)
+        image.load()
+    width, height = image.size
+    rows = max(1, _BAND_PIXELS // width)
+    for top in range(0, height, rows):
+        with _as_format_errors(path):
+            values = _gray(image.crop((0, top, width, min(top + rows, height))), path)
+        yield GrayBand(*values, top, height)
+
+
+@contextmanager
+def _as_format_errors(path: str) -> Iterator[None]:
+    """Raise what Pillow raises as our errors, and keep its warnings quiet."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about size, which is checked below, and oddities
-            with Image.open(io.BytesIO(content), formats=_KINDS) as image:
-                _check_size(image, path)
-                return _gray(image, path)
+            warnings.simplefilter("ignore")  # about size, which is checked, and oddities
+            yield
     except HypermapError:
         raise
     except UnidentifiedImageError:
@@ -87,45 +107,27 @@ def _check_size(image: Image.Image, path: str) -> None:
     check_cells(width * height, f"{width} x {height} cells", path, weight)
 
 
-def _gray(image: Image.Image, path: str) -> GrayPicture:
-    """Convert a picture in bands of rows: most kinds take several times the memory meanwhile."""
-    width, height = image.size
-    rows = max(1, _BAND_PIXELS // width)
-    bands = (
-        _gray_of_band(image.crop((0, top, width, min(top + rows, height))), path)
-        for top in range(0, height, rows)
-    )
-    first = next(bands)
-    values = np.empty((height, width), first.values.dtype)
-    opaque = None if first.opaque is None else np.empty((height, width), np.bool_)
-    top = 0
-    for band in itertools.chain([first], bands):
-        place = slice(top, top + len(band.values))
-        values[place] = band.values
-        if opaque is not None:
-            opaque[place] = band.opaque
-        top = place.stop
-    return GrayPicture(values, first.white, opaque)
-
-
-def _gray_of_band(image: Image.Image, path: str) -> GrayPicture:
+def _gray(
+    image: Image.Image, path: str
+) -> tuple[NDArray[np.unsignedinteger[Any]], int, NDArray[np.bool_] | None]:
+    """Return the attributes `values`, `white` and `opaque` of a band."""
     if image.mode == "F":
         raise FormatError("is a picture of floating point numbers, not of gray values", path=path)
     if image.mode.startswith("I"):  # 16 bits
         values = np.asarray(image)
         if values.min() < 0 or values.max() > 0xFFFF:
             raise FormatError("is a picture of more than 16 bits", path=path)
-        return GrayPicture(values.astype(np.uint16, copy=False), 0xFFFF, None)
+        return values.astype(np.uint16, copy=False), 0xFFFF, None
     has_alpha = image.has_transparency_data
     is_gray = image.mode in ("1", "L", "LA", "La")
     mode = ("L" if is_gray else "RGB") + ("A" if has_alpha else "")
     pixels = np.asarray(image if image.mode == mode else image.convert(mode))
     if is_gray and not has_alpha:
-        return GrayPicture(pixels, 255, None)
+        return pixels, 255, None
     opaque = pixels[..., -1] == 255 if has_alpha else None
     if is_gray:
-        return GrayPicture(pixels[..., 0], 255, opaque)
+        return pixels[..., 0], 255, opaque
     values = pixels[..., 0].astype(np.uint16)
     values += pixels[..., 1]
     values += pixels[..., 2]
-    return GrayPicture(values, 3 * 255, opaque)
+    return values, 3 * 255, opaque
