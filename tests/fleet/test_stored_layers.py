@@ -96,3 +96,21 @@ def test_a_tile_that_is_damaged_or_a_bomb_is_one_error(content: bytes) -> None:
     assert tile_of(zlib.compress(bytes(200)), (0, 1), grid, np.dtype(np.int8)).shape == (100, 2)
     with pytest.raises(StoreError, match="tile in row 0, column 1 of a grid is damaged"):
         tile_of(content, (0, 1), grid, np.dtype(np.int8))
+
+
+def test_a_shape_written_by_another_program_that_would_crash_geos_is_refused(
+    store: str, site: str
+) -> None:
+    database = Database(parse_address(store))
+    push(database, Hypermap([SemanticLayer("semantic", "map", [square("cup", 0, 0)])]), site)
+    hollow = shapely.Polygon([(0, 0), (1, 0), (1, 1)], [shapely.LinearRing()])
+    with database.transaction() as cursor:
+        cursor.execute(
+            """UPDATE objects SET footprint = %s
+            FROM layers JOIN sites ON sites.id = layers.site_id
+            WHERE layers.id = objects.layer_id AND sites.name = %s""",
+            (shapely.to_wkb(hollow), site),
+        )
+    with pytest.raises(StoreError, match="hole without corners"):
+        list(open_map(f"{store}&site={site}").objects_at((0.1, 0.1)))
+    database.close()

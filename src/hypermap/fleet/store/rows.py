@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import struct
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.objects import ObjectTable
 from hypermap.core.pictures import ObjectPicture
+from hypermap.core.tangles import has_empty_hole
 from hypermap.fleet.store.address import StoreError
 from hypermap.fleet.store.tables import SRID
 from hypermap.formats.semantic.parquet_files import attributes_as_text, attributes_of_text
@@ -90,7 +91,7 @@ def table_of(rows: Sequence[Row]) -> ObjectTable:
     shapes: ObjectArray = as_objects(shapely.from_wkb(as_objects(wkb)))
     footprints = shapes
     if any(each is not None for each in given):
-        own = shapely.from_wkb(as_objects(given))  # None where it is the shape
+        own = _shapes_of(given)  # None where it is the shape
         footprints = np.where(shapely.is_missing(own), shapes, own)
     existence, first_seen, last_seen = (_or_nan(values) for values in numbers)
     table = ObjectTable(
@@ -111,6 +112,19 @@ def table_of(rows: Sequence[Row]) -> ObjectTable:
     computed = {"shapes": shapes, "areas": np.array(areas, dtype=float), "centroids": centroids}
     vars(table).update(computed)
     return table
+
+
+def _shapes_of(wkb: Iterable[bytes | None]) -> ObjectArray:
+    """Return the geometries of well-known binary, None where that is None.
+
+    Raises:
+        StoreError: If GEOS would crash on one that another program has written; in a column of
+            PostGIS' own type, it refuses these.
+    """
+    shapes: ObjectArray = as_objects(shapely.from_wkb(as_objects(wkb)))
+    if has_empty_hole(shapes).any():
+        raise StoreError("a footprint or an area in the store has a hole without corners")
+    return shapes
 
 
 def _check_texts(table: ObjectTable) -> None:
@@ -170,11 +184,11 @@ def evidence_of(views: Sequence[Row], observations: Sequence[Row]) -> EvidenceTa
         object_ids=np.array(ids, dtype=np.int64),
         views=np.searchsorted(np.array(numbers, dtype=np.int64), np.array(of_view, np.int64)),
         scores=np.array(scores, dtype=float),
-        footprints=as_objects(shapely.from_wkb(as_objects(shapes))),
+        footprints=_shapes_of(shapes),
         heights=np.column_stack([np.array(each, dtype=float) for each in heights]),
         stamps=np.array(stamps, dtype=float),
         poses=np.frombuffer(b"".join(poses), "<f8").astype(float).reshape(-1, 4, 4),
-        areas=as_objects(shapely.from_wkb(as_objects(areas))),
+        areas=_shapes_of(areas),
     )
 
 
