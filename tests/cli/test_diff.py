@@ -91,6 +91,20 @@ def test_maps_are_not_aligned_if_they_are_in_one_frame(
     assert [change["change"] for change in as_they_are["changes"]] == ["moved"]
 
 
+def test_objects_are_not_paired_by_the_numbers_of_two_detectors(
+    hypermap: Run, tmp_path: Path
+) -> None:
+    """Two maps of one recording have one id, but each numbers its objects as it finds them."""
+    sofa = SemanticObject("sofa", shapely.box(3, 3, 5, 3.8), first_seen=2.0)
+    lamp = SemanticObject("lamp", shapely.box(1, 1, 1.3, 1.3), first_seen=2.0)
+    files = tmp_path / "one.hmap", tmp_path / "other.hmap"
+    for file, things in zip(files, ([sofa, lamp], [lamp, sofa]), strict=True):
+        layer = SemanticLayer("semantic", "map", things)
+        save_map(Hypermap([layer], metadata={"map_id": "00ff", "map_version": 1}), file)
+    result = hypermap("diff", *files)
+    assert (result.code, result.out) == (0, "2 objects unchanged\n")
+
+
 def test_how_far_is_moved_can_be_set(hypermap: Run, days: tuple[Path, Path]) -> None:
     assert hypermap("diff", *days, "--min-moved", "5").out == "2 objects unchanged\n"
 

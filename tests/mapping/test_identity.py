@@ -6,6 +6,7 @@ import dataclasses
 import logging
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hypermap.core.hypermap import Hypermap
@@ -32,6 +33,15 @@ def test_the_same_recording_and_configuration_give_the_same_new_map() -> None:
         map_recording(walk(), boxes, profile("thesis")),
     ]
     assert len({map_id, *(identity(other)[0] for other in others)}) == 4
+
+
+def test_the_same_images_with_the_poses_of_another_slam_are_another_map() -> None:
+    aside = np.eye(4)
+    aside[0, 3] = 3.0
+    seen = list(walk().frames())
+    moved = [dataclasses.replace(f, map_T_camera=aside @ f.map_T_camera) for f in seen]
+    one, other = (map_recording(Frames(frames), boxes, CONFIG) for frames in (seen, moved))
+    assert identity(one)[0] != identity(other)[0]
 
 
 def test_a_map_with_what_people_have_done_is_not_replaced_without_asking(tmp_path: Path) -> None:

@@ -65,7 +65,12 @@ def command(
     """
     from hypermap.core.frames import Pose2D
     from hypermap.core.history import MAP_ID
-    from hypermap.evaluation import changes_between, knowledge_of, objects_in_frame
+    from hypermap.evaluation import (
+        are_of_one_map,
+        changes_between,
+        knowledge_of,
+        objects_in_frame,
+    )
     from hypermap.formats import open_map
     from hypermap.viewer.changes import render_changes
     from hypermap.viewer.picture import check_suffix
@@ -75,13 +80,16 @@ def command(
         check_picture(picture)
     first, second = open_map(path), open_map(other)
     pose = pose_on(first, second, None, same_frame, other)
+    before = objects_in_frame(first, str(path), first.base_frame, Pose2D())
+    after = objects_in_frame(second, str(other), first.base_frame, pose)
     known = first.metadata.get(MAP_ID)
+    is_one = known is not None and second.metadata.get(MAP_ID) == known
     changes = changes_between(
-        objects_in_frame(first, str(path), first.base_frame, Pose2D()),
-        objects_in_frame(second, str(other), first.base_frame, pose),
+        before,
+        after,
         min_moved=min_moved,
         is_known=(knowledge_of(first, Pose2D()), knowledge_of(second, pose.inverse())),
-        same_ids=known is not None and second.metadata.get(MAP_ID) == known,
+        same_ids=is_one and are_of_one_map(before, after),
         names=names,
     )
     if picture is not None:

@@ -1,7 +1,7 @@
 """How good a map is, measured against another."""
 
 from hypermap.core.history import Change
-from hypermap.evaluation.changes import Changes, changes_between, knowledge_of
+from hypermap.evaluation.changes import Changes, are_of_one_map, changes_between, knowledge_of
 from hypermap.evaluation.closest import ClosestShape, closest_shapes
 from hypermap.evaluation.comparison import Comparison, compare
 from hypermap.evaluation.maps import MapObjects, map_objects, objects_in_frame
@@ -22,6 +22,7 @@ __all__ = [
     "Match",
     "Score",
     "SignedRank",
+    "are_of_one_map",
     "changes_between",
     "closest_shapes",
     "compare",

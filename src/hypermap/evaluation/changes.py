@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -104,6 +104,23 @@ def changes_between(
     return Changes(tuple(found), unchanged)
 
 
+def are_of_one_map(first: MapObjects, second: MapObjects) -> bool:
+    """Return whether most equal ids of two maps mean the same object, not only by chance.
+
+    A map and its continuation have the same id, but so have two maps of one recording that were
+    made apart, with other detections, which number their objects anew. An object keeps its name,
+    and the moment when it was first seen.
+    """
+    known = {(layer, item.id): item for item, layer in _with_layers(first)}
+    both = [
+        (item, known[layer, item.id])
+        for item, layer in _with_layers(second)
+        if (layer, item.id) in known
+    ]
+    same = sum(a.name == b.name and a.first_seen == b.first_seen for a, b in both)
+    return 2 * same > len(both)
+
+
 def _check_names(names: Iterable[str], known: set[str]) -> None:
     for name in names:
         if name not in known:
@@ -143,8 +160,11 @@ def _always(_place: BaseGeometry) -> bool:
 
 
 def _of(objects: MapObjects, layer: str) -> list[SemanticObject]:
-    pairs = zip(objects.objects, objects.layers, strict=True)
-    return [thing for thing, name in pairs if name == layer]
+    return [thing for thing, name in _with_layers(objects) if name == layer]
+
+
+def _with_layers(objects: MapObjects) -> Iterator[tuple[SemanticObject, str]]:
+    return zip(objects.objects, objects.layers, strict=True)
 
 
 @dataclass(eq=False)

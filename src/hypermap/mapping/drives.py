@@ -44,6 +44,8 @@ class Drive:
         last: the newest one [s].
         keys: of its mapped frames, see `frame_key`.
         offset: from the recording's stamps to the map's time [s].
+        start: pose of the camera in its first mapped frame, row by row [m]; empty where the drive
+            comes from a file.
     """
 
     name: str
@@ -51,10 +53,13 @@ class Drive:
     last: float = -np.inf
     keys: list[int] = field(default_factory=list)
     offset: float = 0.0
+    start: tuple[float, ...] = field(default=(), compare=False)
 
     def add(self, frame: RgbdFrame) -> None:
         """Add a mapped frame."""
         self.first, self.last = min(self.first, frame.stamp), max(self.last, frame.stamp)
+        if not self.keys:
+            self.start = tuple(np.round(frame.map_T_camera[:3], 6).ravel().tolist())
         self.keys.append(frame_key(frame))
 
     @property
@@ -132,8 +137,12 @@ def wall_clock(stamp: float) -> str:
 
 
 def map_id(drives: Sequence[Drive], config: Mapping[str, Any]) -> str:
-    """Return the id of a new map, a hash of drives and configuration: 16 hexadecimal digits."""
-    first = [(drive.name, drive.first, drive.keys[0]) for drive in drives[:1]]
+    """Return the id of a new map, 16 hexadecimal digits: a hash of where it begins.
+
+    That is the first frame with its pose, and the configuration: the same recording with poses of
+    another SLAM is another map, in a frame of its own.
+    """
+    first = [(drive.name, drive.first, drive.keys[0], drive.start) for drive in drives[:1]]
     said = json.dumps([first, config], sort_keys=True)
     return hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
 

@@ -65,7 +65,7 @@ def made_metadata(
 def _identity(before: dict[str, Any], drives: list[Drive], config: MappingConfig) -> dict[str, Any]:
     """Return the id of the map, which it keeps, and its version, which counts up.
 
-    The same first frame and configuration give the same id, and so the same bytes.
+    The same first frame, pose and configuration give the same id, and so the same bytes.
     """
     known = before.get(MAP_VERSION)
     return {
