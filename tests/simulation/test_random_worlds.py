@@ -20,13 +20,14 @@ TRAINING = Path(__file__).parents[2] / "training"
 def loaded(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, TRAINING / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # `render_images` imports `random_worlds`
+    sys.modules[name] = module  # for those that import it
     spec.loader.exec_module(module)
     return module
 
 
 @pytest.fixture(scope="module")
 def worlds() -> ModuleType:
+    loaded("furniture")
     return loaded("random_worlds")
 
 
