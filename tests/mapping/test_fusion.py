@@ -35,9 +35,9 @@ def buffer(
             Evidence(
                 stamp=float(i),
                 map_T_camera=np.eye(4),
-                visible_area=areas[i] if areas else EVERYWHERE,
+                prepared_area=PreparedPolygon.of(areas[i] if areas else EVERYWHERE),
                 score=scores[i] if scores else 1.0,
-                footprint=shape,
+                prepared=PreparedPolygon.of(shape),
                 centroid_xy=np.array([shape.centroid.x, shape.centroid.y]),
                 z_min=0.1 * i,
                 z_max=1.0 + 0.1 * i,

@@ -18,6 +18,7 @@ from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.landmarks import landmark_moves
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig, KeyframeConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
@@ -51,13 +52,13 @@ def pose(error: Array) -> Array:
 def buffers_of(errors: Array, cup_in: Sequence[int], noise: float = 0.004) -> list[EvidenceBuffer]:
     """Return the evidence for all things, of which some frames alone show the cup."""
     rng = np.random.default_rng(4)
-    buffers = [EvidenceBuffer(100) for _ in SIDES]
+    buffers, area = [EvidenceBuffer(100) for _ in SIDES], PreparedPolygon.of(EVERYWHERE)
     for i, error in enumerate(errors):
         for thing, (buffer, side) in enumerate(zip(buffers, SIDES, strict=True)):
             xy = centroid(PLACES[thing], error) + rng.normal(size=2) * noise
             if thing > 0 or i in cup_in:
-                shape = shapely.Point(xy).buffer(side / 2)
-                buffer.add(Evidence(i, pose(error), EVERYWHERE, 0.8, shape, xy, 0.0, 0.5))
+                shape = PreparedPolygon.of(shapely.Point(xy).buffer(side / 2))
+                buffer.add(Evidence(i, pose(error), area, 0.8, shape, xy, 0.0, 0.5))
     return buffers
 
 
@@ -102,7 +103,7 @@ def corrected_by(map_errors: Array, recorded_errors: Array) -> list[EvidenceBuff
                 stamp=1000 * visit + 10 * group + item.stamp,
                 map_T_camera=moved(item.map_T_camera, away),
                 centroid_xy=item.centroid_xy + away,
-                footprint=affinity.translate(item.footprint, *away),
+                prepared=PreparedPolygon.of(affinity.translate(item.footprint, *away)),
                 correction=tuple(error - recorded_errors[visit]),
             )
             for visit in range(3)

@@ -63,5 +63,5 @@ def test_views_whose_outlines_cross_themselves_as_in_a_damaged_file_agree_someho
         shapely.intersection(whole, crossing)
     buffer = views((2.0, 0.0), (3.0, 0.0))
     for item in buffer.items:
-        object.__setattr__(item, "footprint", whole)
+        object.__setattr__(item, "prepared", PreparedPolygon.of(whole))
     assert 0 <= buffer.agreement(PreparedPolygon.of(crossing)) <= 1

@@ -81,7 +81,7 @@ def test_the_field_of_moved_samples_is_made_again_in_its_own_frame() -> None:
     points = np.random.default_rng(1).uniform(1, 3, (12, 2))
     cellar = Transform("map", "cellar", Pose2D(0, 0, np.pi / 2))
     hypermap = Hypermap([WALLS, layer(points, np.full(12, 110.0), "cellar")], FrameTree([cellar]))
-    moved = with_moved_samples(hypermap, motions(), WALLS)["warmth"]
+    moved = with_moved_samples(hypermap, motions, lambda: WALLS)["warmth"]
     assert isinstance(moved, ValueLayer)
     assert moved.samples is not None
     np.testing.assert_allclose(moved.samples.points_xy, points - [0, 1], atol=1e-9)
@@ -97,7 +97,7 @@ def test_the_field_of_moved_samples_is_made_again_in_its_own_frame() -> None:
 def test_what_did_not_move_or_cannot_be_made_again_stays(caplog: pytest.LogCaptureFixture) -> None:
     points = np.random.default_rng(1).uniform(1, 3, (12, 2))
     still = layer(points, np.full(12, 5000.0), "map")
-    assert with_moved_samples(Hypermap([WALLS, still]), motions(), WALLS)["warmth"] is still
+    assert with_moved_samples(Hypermap([WALLS, still]), motions, lambda: WALLS)["warmth"] is still
     by_hand = ValueLayer(
         "gas",
         "map",
@@ -105,6 +105,6 @@ def test_what_did_not_move_or_cannot_be_made_again_stays(caplog: pytest.LogCaptu
         still.cells,
         samples=layer(points, np.full(12, 110.0), "map").samples,
     )
-    after = with_moved_samples(Hypermap([WALLS, by_hand]), motions(), WALLS)
+    after = with_moved_samples(Hypermap([WALLS, by_hand]), motions, lambda: WALLS)
     assert after["gas"] is by_hand
     assert "the samples of layer 'gas' stay where they were" in caplog.text

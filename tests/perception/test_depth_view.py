@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from hypermap.core.trajectory import pose_from_rpy
-from hypermap.perception.depth_view import DepthView, grounds
+from hypermap.perception.depth_view import DepthView, ground_ring
 from hypermap.perception.frame import Camera, RgbdFrame
 
 CAMERA = Camera.from_intrinsics(65, 65, 39.5, 29.5, 80, 60)
@@ -95,13 +95,13 @@ def test_columns_that_all_look_the_same_way_show_no_ground() -> None:
     assert middle.ground.is_empty
 
 
-def test_many_views_show_the_same_ground_as_one_by_one() -> None:
+def test_ground_in_one_piece_is_a_ring() -> None:
     pose = pose_from_rpy(3.0, -2.0, 1.2, -np.pi / 2, 0.1, 0.7)
-    reach = np.random.default_rng(5).uniform(1, 3, (5, 60, 80)).astype(np.float32)
+    reach = np.random.default_rng(5).uniform(1, 3, (3, 60, 80)).astype(np.float32)
     reach[1, :, 20:30] = reach[2] = np.nan  # in pieces, and none
-    views = [DepthView(CAMERA, pose, one) for one in reach]
-    found = grounds(views)
-    assert shapely.get_num_geometries(found).tolist() == [1, 3, 1, 1, 1]
-    assert found[2].is_empty
-    assert all(one.equals_exact(view.ground, 0) for one, view in zip(found, views, strict=True))
-    assert grounds([]) == []
+    whole, parted, none = (DepthView(CAMERA, pose, one) for one in reach)
+    assert shapely.get_coordinates(whole.ground).tolist() == ground_ring(whole).tolist()
+    assert ground_ring(parted) is None
+    assert shapely.get_num_geometries(parted.ground) == 3
+    assert len(ground_ring(none)) == 0
+    assert none.ground.is_empty

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -30,9 +31,13 @@ def unpacked_colors(name: str, arrays: Mapping[str, NDArray[Any]], count: int) -
     found = arrays.get(name)
     if found is None:
         return [None] * count
-    is_known = ~np.isnan(found).reshape(count, 3).all(axis=1)
-    known = found[is_known]
-    if not ((known >= 0) & (known <= 255) & (known % 1 == 0)).all():
+    return [_color(row, name) for row in found.reshape(count, 3).tolist()]
+
+
+def _color(row: list[float], name: str) -> Rgb | None:
+    if any(map(math.isnan, row)):
+        return None
+    if not all(0 <= value <= 255 and value % 1 == 0 for value in row):
         raise ValueError(f"{name} must be whole numbers from 0 to 255")
-    rows = zip(is_known.tolist(), np.nan_to_num(found).astype(int).tolist(), strict=True)
-    return [(red, green, blue) if is_one else None for is_one, (red, green, blue) in rows]
+    red, green, blue = map(int, row)
+    return red, green, blue

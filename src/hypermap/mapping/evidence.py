@@ -244,9 +244,10 @@ class EvidenceMap:
         """
         for observed, number in self.shown if colors else ():
             for row in self._tracks.rows_of([number]) if observed in colors else ():
-                track = self._touch(row)
-                if track.name == observed.name:  # otherwise it was misclassified
-                    track.buffer.add_color(SeenColor(stamp, colors[observed]))
+                track = self._tracks.objects[row]
+                # Another name was misclassified.
+                if track.name == observed.name and track.buffer.lacks_colors(stamp):
+                    self._touch(row).buffer.add_color(SeenColor(stamp, colors[observed]))
 
     def add_embedding(self, object_id: int, embedding: Embedding) -> None:
         """Add the embedding of a view of an object, if its track still exists."""

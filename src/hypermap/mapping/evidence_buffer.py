@@ -23,7 +23,7 @@ from hypermap.core.tangles import is_sound
 from hypermap.mapping.columns import Column
 from hypermap.mapping.joined_views import JoinedViews
 from hypermap.mapping.prepared_polygon import PreparedPolygon
-from hypermap.perception.depth_view import grounds
+from hypermap.mapping.seen_areas import seen_areas
 from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.perception.paint import Rgb
 
@@ -35,7 +35,6 @@ STALE = 3600.0
 
 _ENOUGH = 3  # colors of an object in a drive
 _MOST_COLORS = 12
-_STEPS = 4096  # per meter; points of visible areas are rounded to such steps
 
 
 class SeenColor(NamedTuple):
@@ -59,9 +58,9 @@ class Evidence:
     Attributes:
         stamp: time of the frame [s].
         map_T_camera: pose of the camera's optical frame in the map, shape (4, 4).
-        visible_area: polygon in the map frame [m] that the frame could have seen; may be empty.
+        prepared_area: polygon in the map frame [m] that the frame could have seen; may be empty.
         score: the detector's, 0..1.
-        footprint: polygon in the map frame [m].
+        prepared: the footprint, a polygon in the map frame [m].
         centroid_xy: the footprint's centroid [m], shape (2,).
         z_min: height of the lowest point [m].
         z_max: height of the highest point [m].
@@ -71,23 +70,23 @@ class Evidence:
 
     stamp: float
     map_T_camera: NDArray[np.float64]
-    visible_area: BaseGeometry
+    prepared_area: PreparedPolygon
     score: float
-    footprint: BaseGeometry
+    prepared: PreparedPolygon
     centroid_xy: NDArray[np.float64]
     z_min: float
     z_max: float
     correction: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    @cached_property
-    def prepared(self) -> PreparedPolygon:
-        """The footprint, prepared."""
-        return PreparedPolygon.of(self.footprint)
+    @property
+    def footprint(self) -> BaseGeometry:
+        """The footprint's geometry."""
+        return self.prepared.geometry
 
-    @cached_property
-    def prepared_area(self) -> PreparedPolygon:
-        """The visible area, prepared."""
-        return PreparedPolygon.of(self.visible_area)
+    @property
+    def visible_area(self) -> BaseGeometry:
+        """The visible area's geometry."""
+        return self.prepared_area.geometry
 
     @cached_property
     def seen(self) -> NDArray[np.float64]:
@@ -138,14 +137,12 @@ def evidence_from_frames(
     shown = [each for each, objects in zip(observations, usable, strict=True) if objects]
     if not shown:
         return [[] for _ in observations]
-    footprints = footprints[is_usable]
-    areas = _rounded(_seen_areas(shown, abstain))
-    polygons = PreparedPolygon.all_of([*footprints, *areas])
-    shapes = zip(polygons, shapely.get_coordinates(shapely.centroid(footprints)), strict=False)
-    seen = iter(polygons[len(footprints) :])
+    footprints, areas = footprints[is_usable], iter(seen_areas(shown, abstain))
+    centroids = shapely.get_coordinates(shapely.centroid(footprints))
+    shapes = zip(PreparedPolygon.all_of(list(footprints)), centroids, strict=True)
     found = []
     for each, objects in zip(observations, usable, strict=True):
-        area = next(seen) if objects else None
+        area = next(areas) if objects else None
         found.append([(one, _evidence(each, one, *next(shapes), area)) for one in objects])
     items = [item for each in found for _, item in each]
     for item, row in zip(items, _seen_of(items), strict=True):
@@ -161,37 +158,17 @@ def _evidence(
     area: PreparedPolygon | None,
 ) -> Evidence:
     assert area is not None  # each frame with objects has one
-    evidence = Evidence(
+    return Evidence(
         stamp=observation.stamp,
         map_T_camera=observation.map_T_camera,
-        visible_area=area.geometry,
+        prepared_area=area,
         score=observed.score,
-        footprint=observed.footprint,
+        prepared=footprint,
         centroid_xy=centroid_xy,
         z_min=observed.z_min,
         z_max=observed.z_max,
         correction=observation.correction,
     )
-    vars(evidence).update(prepared=footprint, prepared_area=area)
-    return evidence
-
-
-def _seen_areas(
-    observations: Sequence[Observation], abstain: Literal["hidden", "outside"]
-) -> ObjectArray:
-    """Return the area that each frame has seen, shape (N,)."""
-    areas = as_objects(each.visible_area for each in observations)
-    if abstain == "hidden":
-        views = [each.view for each in observations]
-        levels = {n: view for n, view in enumerate(views) if view is not None and view.is_level}
-        areas[list(levels)] = as_objects(grounds(list(levels.values())))
-    return areas
-
-
-def _rounded(areas: ObjectArray) -> ObjectArray:
-    """Return areas with rounded points, which take a quarter of the space in files."""
-    rounded = shapely.transform(areas, lambda xy: np.round(xy * _STEPS) / _STEPS)
-    return np.where(shapely.is_valid(rounded), rounded, areas)
 
 
 class EvidenceBuffer:

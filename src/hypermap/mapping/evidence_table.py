@@ -18,6 +18,7 @@ from hypermap.mapping.config import profile
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.overrides import override
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 
 _TOLERANCE = 0.005  # meters; visible areas are simplified by up to a voting cell
@@ -39,7 +40,7 @@ def evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> EvidenceTable:
     view_of = np.empty(len(observations), dtype=np.int64)
     for i, (_, item) in enumerate(observations):
         # Observations of one frame share its pose and its area.
-        key = (item.stamp, id(item.map_T_camera), id(item.visible_area))
+        key = (item.stamp, id(item.map_T_camera), id(item.prepared_area))
         view_of[i] = rows.setdefault(key, len(views))
         if view_of[i] == len(views):
             views.append(item)
@@ -79,6 +80,7 @@ def fused_shapes(
         raise ValueError("there is no evidence to fuse")
     buffer = EvidenceBuffer(len(table))
     centroids = shapely.get_coordinates(shapely.centroid(table.footprints))
+    footprints, areas = map(PreparedPolygon.all_of, (list(table.footprints), list(table.areas)))
     for row in np.argsort(table.stamps[table.views], kind="stable"):
         view = table.views[row]
         z_min, z_max = table.heights[row].tolist()
@@ -86,9 +88,9 @@ def fused_shapes(
             Evidence(
                 stamp=float(table.stamps[view]),
                 map_T_camera=table.poses[view],
-                visible_area=table.areas[view],
+                prepared_area=areas[view],
                 score=float(table.scores[row]),
-                footprint=table.footprints[row],
+                prepared=footprints[row],
                 centroid_xy=centroids[row],
                 z_min=z_min,
                 z_max=z_max,

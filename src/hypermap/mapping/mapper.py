@@ -316,7 +316,7 @@ class Mapper:
         )
         self.evidence, self._occupancy, self._frame_log = made.evidence, made.occupancy, made.log
         self.keyframes.go_on_from(poses[-1])
-        self._base = with_moved_samples(self._base, correction.motions(), self.occupancy())
+        self._base = with_moved_samples(self._base, correction.motions, self.occupancy)
         self._is_corrected = True
         if self.place is not None:
             self.place.begin_again()

@@ -100,10 +100,9 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
 def _gone_and_new(tracks: TrackTable, config: EvidenceConfig) -> tuple[list[int], list[int]]:
     """Return the rows of gone tracks, and of new ones of their classes; both empty if one is."""
     objects, found = tracks.objects, np.empty((2, len(tracks.objects)), np.int64)
-    counts = _may_have_moved(
-        tracks.times, tracks.existence, tracks.is_edited, (GONE, config.publish_above, STALE), found
-    )
-    gone = [row for row in found[0, : counts[0]].tolist() if objects[row].buffer.count >= CONFIRMED]
+    limits = GONE, config.publish_above, STALE, CONFIRMED
+    counts = _may_have_moved(tracks.times, tracks.existence, tracks.is_edited, limits, found)
+    gone = found[0, : counts[0]].tolist()
     if not gone:
         return [], []
     new, names = found[1, : counts[1]], {objects[row].name for row in gone}
@@ -117,7 +116,7 @@ def _may_have_moved(
     times: NDArray[np.float64],
     existence: NDArray[np.float64],
     is_edited: BoolArray,
-    limits: tuple[float, float, float],
+    limits: tuple[float, float, float, int],
     found: IntArray,
 ) -> tuple[int, int]:
     """Find the tracks that are gone or may be, and those that are new, by their stamps.
@@ -126,8 +125,8 @@ def _may_have_moved(
         times: as `TrackTable.times`, as `existence` and `is_edited`.
         existence: likewise.
         is_edited: likewise.
-        limits: up to which existence a track is gone, from which on it is there, and the seconds
-            after which a place may have changed.
+        limits: up to which existence a track is gone, from which on it is there, the seconds after
+            which a place may have changed, and how many observations a gone one must have.
         found: filled with the rows of the gone ones, and of the new ones, shape (2, N).
 
     Returns:
@@ -143,7 +142,7 @@ def _may_have_moved(
         first, last = times[row, 0], times[row, 1]
         # One that was not looked at yet since an earlier drive may be gone.
         is_gone = last < begun - limits[2] or (existence[row] <= limits[0] and last < begun)
-        if is_gone and not is_edited[row]:
+        if is_gone and not is_edited[row] and times[row, 4] >= limits[3]:
             found[0, gone] = row
             gone += 1
         is_there = existence[row] > limits[1] and not is_edited[row]
@@ -354,7 +353,7 @@ def _compared(
 def _views(tracks: TrackTable) -> list[Evidence]:
     """Return one piece of the kept evidence of each view."""
     items = (item for track in tracks.objects for item in track.buffer.items)
-    return list({(item.stamp, id(item.visible_area)): item for item in items}.values())
+    return list({(item.stamp, id(item.prepared_area)): item for item in items}.values())
 
 
 def _known_without_views(tracks: TrackTable, row: int) -> list[bool]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,6 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap._loops import loop
-from hypermap.core.arrays import ObjectArray
 from hypermap.core.errors import FormatError
 from hypermap.core.frames import Pose2D
 from hypermap.formats.array_file import ArrayFile, parse_arrays, unpacked_shapes
@@ -112,19 +112,13 @@ def _moved_shapes(
     """
     names = "shapes.points", "shapes.wkb", "shapes.lengths"
     joined = {name: np.concatenate([f.arrays[name] for f in files], axis=-1) for name in names}
-    counts = [len(file.arrays["shapes.lengths"]) for file in files]
-    shapes = _moved(unpacked_shapes("shapes", joined), np.repeat(matrices, counts, axis=0))
-    return [part.tolist() for part in np.split(shapes, np.cumsum(counts)[:-1])]
-
-
-def _moved(shapes: ObjectArray, matrices: NDArray[np.float64]) -> ObjectArray:
-    """Return shapes, moved each by its homogeneous matrix, shape (N, 3, 3)."""
-    points, shape_of_point = shapely.get_coordinates(shapes, return_index=True)
-    m = matrices[shape_of_point]
-    x, y = points.T
-    moved = np.column_stack([m[:, 0, 0] * x + m[:, 0, 1] * y + m[:, 0, 2],
-                             m[:, 1, 0] * x + m[:, 1, 1] * y + m[:, 1, 2]])  # fmt: skip
-    return np.asarray(shapely.set_coordinates(shapes, moved))
+    x, y = joined["shapes.points"]
+    sizes = [file.arrays["shapes.points"].shape[1] for file in files]
+    (a, b, c), (d, e, f) = np.repeat(matrices[:, :2].transpose(1, 2, 0), sizes, axis=2)
+    joined["shapes.points"] = np.stack([a * x + b * y + c, d * x + e * y + f])
+    shapes = unpacked_shapes("shapes", joined).tolist()
+    ends = np.cumsum([len(file.arrays["shapes.lengths"]) for file in files]).tolist()
+    return [shapes[begin:end] for begin, end in pairwise([0, *ends])]
 
 
 def _in_space(motions: NDArray[np.float64], rises: Sequence[float]) -> NDArray[np.float64]:

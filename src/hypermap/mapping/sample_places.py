@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -19,19 +21,20 @@ _log = logging.getLogger(__name__)
 
 
 def with_moved_samples(
-    hypermap: Hypermap, motions: FloorMotions, occupancy: OccupancyLayer
+    hypermap: Hypermap, motions: Callable[[], FloorMotions], occupancy: Callable[[], OccupancyLayer]
 ) -> Hypermap:
     """Return a map whose value layers are estimated again if their samples have moved.
 
     Args:
         hypermap: the map.
-        motions: in its base frame.
-        occupancy: its present walls.
+        motions: returns those in its base frame; called only if there are samples.
+        occupancy: returns its present walls; likewise.
     """
+    motions, occupancy = cache(motions), cache(occupancy)  # the same for all layers
     layers: list[Layer] = []
     for layer in hypermap:
         if isinstance(layer, ValueLayer) and layer.samples is not None:
-            layer = _moved(hypermap, layer, layer.samples, motions, occupancy)
+            layer = _moved(hypermap, layer, layer.samples, motions(), occupancy())
         layers.append(layer)
     return hypermap.with_layers(layers)
 

@@ -165,7 +165,7 @@ def _packed_evidence(items: Sequence[Evidence], own: int) -> dict[str, NDArray[A
     views: list[Evidence] = []
     view_of = []
     for item in items:
-        view_of.append(rows.setdefault((id(item.map_T_camera), id(item.visible_area)), len(views)))
+        view_of.append(rows.setdefault((id(item.map_T_camera), id(item.prepared_area)), len(views)))
         if view_of[-1] == len(views):
             views.append(item)
     own_views = max(view_of[:own], default=-1) + 1
@@ -218,13 +218,12 @@ def _unpacked_both(name: str, arrays: _Arrays) -> list[Any]:
 def _unpacked_evidence(arrays: _Arrays) -> list[Evidence]:
     """Return all evidence; pieces of one frame share its pose and area."""
     footprints = as_objects(_unpacked_both("observation.footprint", arrays))
-    areas = _unpacked_both("view.area", arrays)
+    areas = PreparedPolygon.all_of(_unpacked_both("view.area", arrays))
     centroids = shapely.get_coordinates(shapely.centroid(footprints))
     poses = list(_both("view.pose", arrays).reshape(-1, 4, 4))
     stamps = _both("view.stamp", arrays).tolist()
     corrections = _corrections(len(stamps), arrays)
     prepared = PreparedPolygon.all_of(list(footprints))
-    prepared_areas = PreparedPolygon.all_of(areas)
     found = []
     columns = [_both(f"observation.{name}", arrays) for name in ("view", "score", "z_min", "z_max")]
     if any(column.shape != (len(footprints),) for column in columns):
@@ -236,15 +235,14 @@ def _unpacked_evidence(arrays: _Arrays) -> list[Evidence]:
         item = Evidence(
             stamp=stamps[view],
             map_T_camera=poses[view],
-            visible_area=areas[view],
+            prepared_area=areas[view],
             score=score,
-            footprint=footprints[i],
+            prepared=prepared[i],
             centroid_xy=centroids[i],
             z_min=z_min,
             z_max=z_max,
             correction=corrections[view],
         )
-        vars(item).update(prepared=prepared[i], prepared_area=prepared_areas[view])
         found.append(item)
     return found
 

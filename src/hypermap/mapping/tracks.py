@@ -103,7 +103,7 @@ class TrackTable:
         self._existence = Column(np.empty(0))
         self._spared = Column(np.empty(0))
         self._misses = Column(np.empty(0, np.int64))
-        self._times = Column(np.empty((0, 4)))
+        self._times = Column(np.empty((0, 5)))
         self._is_edited = Column(np.empty(0, np.bool_))
         self._max_existence = max_existence
         self.next_id = 0
@@ -144,10 +144,10 @@ class TrackTable:
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """The stamps of each track [s], shape (N, 4).
+        """The stamps of each track [s], and its number of observations, shape (N, 5).
 
-        From when on and up to when it surely was there (`surely_there`), when it was last seen,
-        and since when it is gone, NaN if it is not. `note_times` updates them.
+        The stamps are those from when on and up to when it surely was there (`surely_there`), when
+        it was last seen, and since when it is gone, NaN if it is not. `note_times` updates them.
         """
         return self._times.values
 
@@ -238,9 +238,9 @@ class TrackTable:
         return [row for row in rows if self.objects[row].id not in ids]
 
 
-def _times_of(track: Track) -> tuple[float, float, float, float]:
-    gone = math.nan if track.gone_since is None else track.gone_since
-    return (*track.buffer.surely_there, track.buffer.last_seen, gone)
+def _times_of(track: Track) -> tuple[float, float, float, float, int]:
+    gone, buffer = math.nan if track.gone_since is None else track.gone_since, track.buffer
+    return (*buffer.surely_there, buffer.last_seen, gone, buffer.count)
 
 
 def _rounded(existence: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -91,36 +90,25 @@ class DepthView:
         the points, it does not extend behind walls. It begins where the nearest of all rays ended;
         in columns without any return, it is the area nearer than that.
         """
-        return grounds([self])[0]
+        ring = ground_ring(self)
+        if ring is None:
+            return _ground_in_pieces(self)
+        return cast("shapely.Polygon", shapely.polygons(ring)) if len(ring) else shapely.Polygon()
 
 
-def grounds(views: Sequence[DepthView]) -> list[BaseGeometry]:
-    """Return `ground` of each view, which is faster than one by one."""
-    rings = [np.empty((2 * view.camera.width + 1, 2)) for view in views]
-    counts = [_ground_ring(view, ring) for view, ring in zip(views, rings, strict=True)]
-    points = [ring[:count] for ring, count in zip(rings, counts, strict=True) if count > 0]
-    made: Iterator[BaseGeometry] = iter(())
-    if points:
-        owners = np.repeat(np.arange(len(points)), [len(ring) for ring in points])
-        rounds = shapely.linearrings(np.vstack(points), indices=owners)
-        made = iter(np.asarray(shapely.polygons(rounds)))
-    found = []
-    for view, count in zip(views, counts, strict=True):
-        if count > 0:
-            found.append(next(made))
-        else:
-            found.append(_ground_in_pieces(view) if count < 0 else shapely.Polygon())
-    return found
+def ground_ring(view: DepthView) -> NDArray[np.float64] | None:
+    """Return the closed ring of the `ground` of a view in the map frame [m], shape (P, 2).
 
-
-def _ground_ring(view: DepthView, ring: NDArray[np.float64]) -> int:
-    """Fill in the closed ring of the ground of a view, and return the number of its points.
-
-    0 if there is no ground; -1 if it needs to be put together of pieces.
+    First come the ends of the rays, from one side of the image to the other, then the circle at
+    which the ground begins, back again. There are no points if there is no ground; None if it needs
+    to be put together of pieces.
     """
+    width = view.camera.width
+    ring, ends = np.empty((2 * width + 1, 2)), np.empty((2, width), np.float32)
     # A depth is compared as what it is: a float32.
     limit = np.float32(view.max_range)
-    return int(_fill_ground(view.reach, view.camera.K, view.map_T_camera, limit, ring))
+    count = int(_fill_ground(view.reach, view.camera.K, view.map_T_camera, limit, ends, ring))
+    return None if count < 0 else ring[:count]
 
 
 @loop()
@@ -129,35 +117,38 @@ def _fill_ground(
     K: NDArray[np.float64],
     map_T_camera: NDArray[np.float64],
     max_range: np.float32,
+    ends: NDArray[np.float32],
     ring: NDArray[np.float64],
 ) -> int:
-    """Do the work of `_ground_ring`.
+    """Do the work of `ground_ring`, and return the number of points, -1 for pieces.
 
     Args:
         reach: of the view, as its `K`, `map_T_camera` and `max_range`.
         K: likewise.
         map_T_camera: likewise.
         max_range: likewise.
-        ring: filled with points in the map frame [m], shape (2 W + 1, 2).
+        ends: room for how far the nearest and the farthest ray of each column went, shape (2, W).
+        ring: filled, shape (2 W + 1, 2).
     """
     T, height, width = map_T_camera, int(reach.shape[0]), int(reach.shape[1])
+    for col in range(width):
+        ends[0, col], ends[1, col] = np.inf, 0
+    for row in range(height):  # row by row, so that the compiler compares several columns at once
+        for col in range(width):
+            one = reach[row, col]
+            is_return = (one > 0) & (one <= max_range) & (one < np.inf)
+            ends[0, col] = min(ends[0, col], one if is_return else np.float32(np.inf))
+            ends[1, col] = max(ends[1, col], one if is_return else np.float32(0))
     nearest, shown = np.inf, 0
     for col in range(width):
-        far = np.float32(0)
-        for row in range(height):
-            one = reach[row, col]
-            if one > 0 and one <= max_range and one < np.inf:
-                far = max(far, one)
-                nearest = min(nearest, np.float64(one))
-        ring[col, 0] = far
-        if far > 0:
-            shown += 1
+        nearest = min(nearest, np.float64(ends[0, col]))
+        shown += ends[1, col] > 0
     if shown < 2:
         return 0
     is_whole, is_beyond = shown == width, False
     for col in range(width):
-        is_beyond = is_beyond or ring[col, 0] > nearest
-        if 0 < col < width - 1 and ring[col, 0] == nearest:
+        is_beyond = is_beyond or ends[1, col] > nearest
+        if 0 < col < width - 1 and ends[1, col] == nearest:
             is_whole = False
     if not (is_whole and is_beyond):
         return -1
@@ -172,7 +163,7 @@ def _fill_ground(
         if col and abs(x_before * y - y_before * x) < _SAME_WAY:
             return 0
         x_before, y_before = x, y
-        far, back = ring[col, 0], 2 * width - 1 - col
+        far, back = np.float64(ends[1, col]), 2 * width - 1 - col
         ring[col, 0], ring[col, 1] = T[0, 3] + far * x, T[1, 3] + far * y
         ring[back, 0], ring[back, 1] = T[0, 3] + nearest * x, T[1, 3] + nearest * y
     ring[2 * width, 0], ring[2 * width, 1] = ring[0, 0], ring[0, 1]

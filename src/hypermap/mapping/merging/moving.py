@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import as_objects
 from hypermap.core.frames import Pose2D
@@ -64,20 +63,21 @@ def _moved_evidence(items: Sequence[Evidence], a_T_b: Pose2D) -> list[Evidence]:
     footprints = a_T_b.apply_geometries(as_objects(item.footprint for item in items))
     centroids = shapely.get_coordinates(shapely.centroid(footprints))
     poses: dict[int, NDArray[np.float64]] = {}
-    areas: dict[int, BaseGeometry] = {}
+    areas: dict[int, PreparedPolygon] = {}
+    prepared = PreparedPolygon.all_of(list(footprints))
     found = []
-    for item, footprint, centroid_xy in zip(items, footprints, centroids, strict=True):
-        pose, area = item.map_T_camera, item.visible_area
+    for item, footprint, centroid_xy in zip(items, prepared, centroids, strict=True):
+        pose, area = item.map_T_camera, item.prepared_area
         if id(pose) not in poses:
             poses[id(pose)] = matrix @ pose
         if id(area) not in areas:
-            areas[id(area)] = a_T_b.apply_geometry(area)
+            areas[id(area)] = PreparedPolygon.of(a_T_b.apply_geometry(area.geometry))
         found.append(
             dataclasses.replace(
                 item,
                 map_T_camera=poses[id(pose)],
-                visible_area=areas[id(area)],
-                footprint=footprint,
+                prepared_area=areas[id(area)],
+                prepared=footprint,
                 centroid_xy=centroid_xy,
                 correction=_turned(item.correction, a_T_b),
             )

@@ -159,7 +159,7 @@ def _until(
 def _views(tracks: TrackTable) -> list[Evidence]:
     """Return one piece of the kept evidence of each view, oldest first."""
     items = (item for track in tracks.objects for item in track.buffer.items)
-    views = {(id(item.map_T_camera), id(item.visible_area)): item for item in items}
+    views = {(id(item.map_T_camera), id(item.prepared_area)): item for item in items}
     return sorted(views.values(), key=lambda item: item.stamp)
 
 
