@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import random
-import zlib
 from pathlib import Path
 
 from campaign.full_map import ATTACHED, full_map
@@ -110,15 +109,16 @@ def _with_a_frame_spoiled(data: bytes, draw: random.Random) -> bytes:
     from hypermap.mapping.config import profile
     from hypermap.mapping.frame_log import LogPart
     from hypermap.mapping.mapper_state import dump_state, parse_state
+    from hypermap.mapping.packed_frames import packed, unpacked
 
     try:
         state = parse_state(data, profile("default").evidence)
         part, *others = state.log
         number = draw.randrange(len(part.frames))
-        plain = zlib.decompress(part.frames[number])
-    except (HypermapError, ValueError, LookupError, zlib.error):
+        plain, rest = unpacked(part.frames[number])
+    except (HypermapError, ValueError, LookupError):
         return mutate_bytes(data, draw)
     frames = list(part.frames)
-    frames[number] = zlib.compress(_mutate_arrays(plain, draw))
+    frames[number] = packed(_mutate_arrays(plain, draw), rest)
     spoiled = LogPart(part.before, part.stamps, frames, part.poses)
     return dump_state(dataclasses.replace(state, log=[spoiled, *others]))

@@ -27,7 +27,7 @@ from hypermap.core.trajectory import Trajectory, pose_from_rpy, trajectory_of
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.array_file import ArrayFile, dump_arrays, parse_arrays
-from hypermap.mapping import correcting, frame_log
+from hypermap.mapping import correcting, frame_log, packed_frames
 from hypermap.mapping.config import profile
 from hypermap.mapping.correcting import CannotCorrect
 from hypermap.mapping.frame_log import (
@@ -332,10 +332,21 @@ def test_of_short_drives_only_the_newest_three_are_kept() -> None:
 def test_a_damaged_log_is_one_error() -> None:
     frame = LoggedFrame(Observation(1.0, np.eye(4), (), shapely.Polygon()), None)
     content = packed_frame(frame)
-    for wrong in (b"", content[:-5], content[:10] + b"\0" + content[11:]):
+    lied = content[:61] + b"\xff" + content[62:]  # of the size of the frame
+    for wrong in (b"", content[:30], content[:60], content[:-5], content[:70] + b"\0" * 9, lied):
         with pytest.raises(FormatError, match=r"x\.hmap: "):
             unpacked(content, wrong)
     assert [one.observation.stamp for one in unpacked(content, content)] == [1.0, 1.0]
+
+
+def test_earlier_versions_say_that_they_do_not_read_a_frame() -> None:
+    content = packed_frame(LoggedFrame(Observation(1.0, np.eye(4), (), shapely.Polygon()), None))
+    assert content.startswith(b"\x78\x01\x01\x2f\x00\xd0\xff{")  # by any zlib
+    unpack = zlib.decompressobj()
+    plain = unpack.decompress(content, 16_000_000)
+    assert unpack.eof
+    with pytest.raises(FormatError, match=r"is of version 3; this program reads 1 to 2"):
+        parse_arrays(plain, "hypermap mapped frame", 2, "x.hmap")
 
 
 def unpacked(*contents: bytes) -> list[LoggedFrame]:
@@ -350,20 +361,21 @@ def frame_with_view(reach: NDArray[np.float32]) -> LoggedFrame:
 
 @given(
     arrays(np.float16, (2, 3), elements=st.floats(0, 60000, width=16) | st.just(np.nan)),
-    st.booleans(),
+    st.sampled_from([1, 2, 3]),
 )
 def test_the_ends_of_logged_rays_are_those_that_were_packed(
-    reach: NDArray[np.float16], is_of_version_1: bool
+    reach: NDArray[np.float16], version: int
 ) -> None:
     content = packed_frame(frame_with_view(reach.astype(np.float32)))
-    if is_of_version_1:
-        unpack = zlib.decompressobj()
-        plain = unpack.decompress(content)
-        file = parse_arrays(plain, "hypermap mapped frame", 2, "x.hmap")
-        low = np.frombuffer(unpack.unused_data, np.uint8)
+    plain, rest = packed_frames.unpacked(content)
+    file = parse_arrays(plain, "hypermap mapped frame", 3, "x.hmap")
+    if version == 1:
+        low = np.frombuffer(rest, np.uint8)
         both = {**file.arrays, "reach": np.stack([low, file.arrays["reach"]])}
         file = ArrayFile(file.facts, both)
         content = zlib.compress(dump_arrays(file, "hypermap mapped frame", 1))
+    elif version == 2:
+        content = zlib.compress(dump_arrays(file, "hypermap mapped frame", 2)) + rest
     (found,) = unpacked(content)
     assert found.observation.view is not None
     np.testing.assert_array_equal(found.observation.view.reach, reach.astype(np.float32))
@@ -388,13 +400,12 @@ def test_a_logged_frame_without_all_ends_of_its_rays_is_damaged(change: int) -> 
     ],
 )
 def test_ends_of_logged_rays_that_are_no_bytes_are_damage(ends: NDArray[Any]) -> None:
-    unpack = zlib.decompressobj()
-    plain = unpack.decompress(packed_frame(frame_with_view(np.ones((2, 3), np.float32))))
-    file = parse_arrays(plain, frame_log.FORMAT, frame_log.VERSION, "x.hmap")
+    plain, rest = packed_frames.unpacked(packed_frame(frame_with_view(np.ones((2, 3), np.float32))))
+    file = parse_arrays(plain, packed_frames.FORMAT, packed_frames.VERSION, "x.hmap")
     wrong = ArrayFile(file.facts, {**file.arrays, "reach": ends})
-    content = zlib.compress(dump_arrays(wrong, frame_log.FORMAT, frame_log.VERSION))
+    content = dump_arrays(wrong, packed_frames.FORMAT, packed_frames.VERSION)
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
-        unpacked(content + unpack.unused_data)
+        unpacked(packed_frames.packed(content, rest))
 
 
 def test_a_visible_area_with_an_empty_hole_is_damage() -> None:
@@ -411,12 +422,12 @@ def test_a_logged_frame_of_more_cells_than_it_holds_takes_no_memory(shape: objec
         Observation(1.0, np.eye(4), (), shapely.Polygon()),
         SeenCells(np.zeros(2, np.int64), some, some),
     )
-    plain = zlib.decompress(packed_frame(frame))
+    plain, rest = packed_frames.unpacked(packed_frame(frame))
     said = json.dumps(shape, separators=(",", ":")).encode()
     wrong = plain.replace(b'"cells":[2,3]', b'"cells":' + said)
     assert wrong != plain
     with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
-        unpacked(zlib.compress(wrong))
+        unpacked(packed_frames.packed(wrong, rest))
 
 
 def test_logged_cells_that_no_grid_reaches_are_damage() -> None:

@@ -269,9 +269,8 @@ class EvidenceBuffer:
         return len(newest) < _ENOUGH or stamp - newest[0].stamp > STALE
 
     def add_color(self, color: SeenColor) -> None:
-        """Add a color, unless there are enough of its drive."""
-        if self.lacks_colors(color.stamp):
-            self.colors = _newest([*self.colors, color])
+        """Add a color; there may be enough of its drive (`lacks_colors`)."""
+        self.colors = _newest([*self.colors, color])
 
     @property
     def has_gap(self) -> bool:

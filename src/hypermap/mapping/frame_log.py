@@ -8,7 +8,6 @@ corrections of roll and pitch are ignored.
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,20 +19,18 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.frames import Pose2D
 from hypermap.formats.array_file import ArrayFile, dump_arrays, packed_shapes
 from hypermap.mapping.color_arrays import packed_colors
+from hypermap.mapping.packed_frames import FORMAT, VERSION, packed
 from hypermap.mapping.seen_cells import SeenCells
 from hypermap.mapping.tracks import TrackTable
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation
 
-FORMAT, VERSION = "hypermap mapped frame", 2
-"""Of a packed frame."""
 PART = 1000
 """Frames in a part of the log; before each part, one state of the map is kept."""
 FARTHEST_CELL = 1e10
 """Cells from the origin; cells in files must not be farther away."""
 _PARTS = 3  # kept at most; each drive begins one, so short drives do not add up
 _COLUMNS = 80  # of a kept view, which is subsampled
-_LEVEL = 6  # of compression
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +104,7 @@ def packed_frame(frame: LoggedFrame) -> bytes:
         **view_arrays,
         **cell_arrays,
     }
-    plain = dump_arrays(ArrayFile(facts, arrays), FORMAT, VERSION)
-    return zlib.compress(plain, _LEVEL) + low_bytes
+    return packed(dump_arrays(ArrayFile(facts, arrays), FORMAT, VERSION), low_bytes)
 
 
 _Arrays = Mapping[str, NDArray[Any]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
@@ -17,7 +16,8 @@ from hypermap.core.errors import FormatError
 from hypermap.core.frames import Pose2D
 from hypermap.formats.array_file import ArrayFile, parse_arrays, unpacked_shapes
 from hypermap.mapping.color_arrays import unpacked_colors
-from hypermap.mapping.frame_log import FARTHEST_CELL, FORMAT, VERSION, LoggedFrame, floor_motions
+from hypermap.mapping.frame_log import FARTHEST_CELL, LoggedFrame, floor_motions
+from hypermap.mapping.packed_frames import FORMAT, VERSION, unpacked
 from hypermap.mapping.seen_cells import SeenCells
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.frame import Camera
@@ -27,11 +27,10 @@ ROUNDING = 1e-9
 """Largest difference between the numbers of equal poses."""
 
 _WRONG = (
-    *(KeyError, TypeError, ValueError, IndexError, OverflowError, zlib.error),
+    *(KeyError, TypeError, ValueError, IndexError, OverflowError),
     *(AttributeError, shapely.GEOSException),
 )
 _FLOAT32 = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
-_MOST_BYTES = 16_000_000  # of an unpacked frame
 
 _Arrays = Mapping[str, NDArray[Any]]
 
@@ -73,7 +72,7 @@ def moved_frames(
         FormatError: If one is damaged, or of a later version.
     """
     try:
-        parts = [_unzipped(one) for one in contents]
+        parts = [unpacked(one) for one in contents]
         files = [parse_arrays(plain, FORMAT, VERSION, path) for plain, _ in parts]
         if not files:
             return []
@@ -90,15 +89,6 @@ def moved_frames(
         return [_frame(*one, resolution) for one in each]
     except _WRONG as error:
         raise FormatError(f"is damaged: {error}", path=path) from None
-
-
-def _unzipped(content: bytes) -> tuple[bytes, bytes]:
-    """Return what was compressed, and what follows it."""
-    unpack = zlib.decompressobj()
-    plain = unpack.decompress(content, _MOST_BYTES)
-    if not unpack.eof:
-        raise ValueError("a frame ends too early")
-    return plain, unpack.unused_data
 
 
 def _moved_shapes(
