@@ -73,11 +73,19 @@ def test_intrinsics_become_a_camera() -> None:
         ),
         (
             {"map_T_world": [2.0 * x for x in TURNED]},
-            "the matrix is not a rotation and a translation with last row 0 0 0 1",
+            "the last row of the matrix is 0 0 0 2, not 0 0 0 1",
+        ),
+        (
+            {"map_T_world": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1.5, -2, 0, 1]},  # by columns
+            "the last row of the matrix is 1.5 -2 0 1, not 0 0 0 1; is it transposed?",
+        ),
+        (
+            {"map_T_world": [1, 0, 0, 5, 0, 1, 0, 5, 0, 0, 1.1, 5]},
+            "the matrix stretches by 1.1, 1, 1, so it is not a rotation",
         ),
         (
             {"map_T_world": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]},  # a mirror
-            "the matrix is not a rotation and a translation with last row 0 0 0 1",
+            "the matrix mirrors, so it is not a rotation",
         ),
         (
             {"map_T_world": np.eye(3)},

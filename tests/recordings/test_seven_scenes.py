@@ -178,7 +178,7 @@ def test_poses_may_have_commas_and_be_of_another_convention(folder: Path) -> Non
         ("1 0 0 0\n0 one 0 0\n", "line 2: expected numbers, found '0 one 0 0'"),
         (
             "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n",
-            "the matrix is not a rotation and a translation with last row 0 0 0 1",
+            "the matrix stretches by 2, 2, 2, so it is not a rotation",
         ),
     ],
 )

@@ -165,14 +165,16 @@ def nearest_rigid(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Source: the nearest rotation is that of the polar decomposition (Higham, 1986).
     """
+    if not np.allclose(pose[3], [0, 0, 0, 1]):
+        row = " ".join(f"{number:g}" for number in pose[3])
+        hint = "; is it transposed?" if pose[3, :3].any() else ""
+        raise ValueError(f"the last row of the matrix is {row}, not 0 0 0 1{hint}")
     left, stretch, right = np.linalg.svd(pose[:3, :3])
-    is_rigid = (
-        np.abs(stretch - 1).max() < 1e-2
-        and np.linalg.det(left @ right) > 0
-        and np.allclose(pose[3], [0, 0, 0, 1])
-    )
-    if not is_rigid:
-        raise ValueError("the matrix is not a rotation and a translation with last row 0 0 0 1")
+    if np.abs(stretch - 1).max() >= 1e-2:
+        sizes = ", ".join(f"{number:g}" for number in stretch)
+        raise ValueError(f"the matrix stretches by {sizes}, so it is not a rotation")
+    if np.linalg.det(left @ right) < 0:
+        raise ValueError("the matrix mirrors, so it is not a rotation")
     rigid = np.eye(4)
     rigid[:3, :3] = left @ right
     rigid[:3, 3] = pose[:3, 3]
