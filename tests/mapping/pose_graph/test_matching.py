@@ -45,8 +45,20 @@ def test_registration_in_a_bare_corridor_knows_nothing_along_it() -> None:
     assert found is not None
     along, aside, _ = np.diag(found.information)
     assert aside > 1e4
-    assert along < aside / 100
+    assert along < 1e-6 * aside
     assert found.a_T_b[1:] == pytest.approx(between(first.pose, second.pose)[1:], abs=0.004)
+
+
+def test_noise_never_looks_like_knowledge_along_a_bare_wall() -> None:
+    """What many matches claim to know there adds up to centimeters in each meter of a corridor."""
+    for i in range(20):
+        first, second = (view(x + 0.1 * i, 1.0, 20, room=CORRIDOR, boxes=()) for x in (0.0, 0.2))
+        found = register(first, second, between(first.pose, second.pose))
+        assert found is not None
+        wall = np.array([np.cos(first.pose[2]), -np.sin(first.pose[2])])  # in the first view
+        across = np.array([-wall[1], wall[0]])
+        assert wall @ found.information[:2, :2] @ wall < 5.0  # 1/m²
+        assert across @ found.information[:2, :2] @ across > 1e4
 
 
 def test_views_of_different_places_do_not_match() -> None:

@@ -85,8 +85,8 @@ class PoseGraph:
     def uncertainty(self, b: int) -> tuple[Array, Array]:
         """Return standard deviations of each pose relative to one.
 
-        They are those along the chain of edges with the least uncertainty, an upper bound of the
-        true ones. An error of a heading counts by the distance to the pose.
+        They are those along the chain of edges with the least uncertainty, by the axes of each
+        edge's first view. An error of a heading counts by the distance to the pose.
 
         Returns:
             Of the position [m] and of the yaw [rad], shapes (N,).

@@ -2,7 +2,8 @@
 
 Source: correspondences by projection as in Blais and Levine, "Registering multiview range data to
 create 3D computer objects", PAMI 1995; distances from points to planes by Chen and Medioni, "Object
-modelling by registration of multiple range images", 1992; weights of Tukey.
+modelling by registration of multiple range images", 1992, with the mean normal of both views
+(Rusinkiewicz, "A symmetric objective function for ICP", TOG 38(4), 2019); weights of Tukey.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ _REACHES = np.array([0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.06, 0.06, 0.06, 0.06])
 _FEWEST = 60  # points that a registration needs
 _TOGETHER = 10.0  # points with a common error: so many count as one
 _FLOOR = np.array([0.003, 0.003, 0.001])  # added standard deviations [m, m, rad]
+_VAGUE = 0.06  # standard deviation [m]; more is no knowledge about a direction
 _MATRIX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # indices of a symmetric matrix in `sums`
 _CONTRADICTS = 0.1  # meters; a ray that ends so far behind a point contradicts it
 
@@ -77,10 +79,29 @@ def register(
     information -= information @ np.linalg.solve(information + np.diag(_FLOOR**-2.0), information)
     return Registration(
         pose,
-        (information + information.T) / 2,
+        _without_vague((information + information.T) / 2),
         visible / len(second.upright),
         agreeing / max(agreeing + through, 1),
     )
+
+
+def _without_vague(information: Array) -> Array:
+    """Return an information matrix without what is hardly known, as along a bare wall.
+
+    There a registration goes where noise leads it: a little too far, always the same way, which
+    adds up over many matches. What is known about other directions stays.
+
+    Source: Zhang, Kaess, Singh, "On degeneracy of optimization-based state estimation problems",
+    ICRA 2016, who leave out such directions, too.
+    """
+    by_yaw = information[:2, 2:] / max(information[2, 2], 1e-9)
+    values, vectors = np.linalg.eigh(information[:2, :2] - by_yaw @ information[2:, :2])
+    for value, direction in zip(values, vectors.T, strict=True):
+        along = information[:, :2] @ direction
+        known = direction @ along[:2]
+        if value < _VAGUE**-2.0 and known > 0:
+            information = information - np.outer(along, along) / known
+    return information
 
 
 def _positive(information: Array) -> Array:
@@ -149,8 +170,10 @@ def _iterate(
                 turn, mturn = ny * rx - nx * ry, my * rx - mx * ry
                 if is_last:
                     _add_information(sums, weight, nx, ny, turn, mx, my, mturn)
-                else:
-                    _add_equation(sums, weight, nx, ny, turn, distance)
+                else:  # each view's noise is in its normals, too, and both cancel out
+                    sx, sy, sz = (nx + mx) / 2, (ny + my) / 2, (nz + normals[i, 2]) / 2
+                    apart = sx * (x - qx) + sy * (y - qy) + sz * (z - qz)
+                    _add_equation(sums, weight, sx, sy, sy * rx - sx * ry, apart)
                 continue
             R = level_R_camera
             there = R[0, 2] * qx + R[1, 2] * qy + R[2, 2] * (qz - height)
