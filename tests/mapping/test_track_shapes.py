@@ -52,7 +52,7 @@ def test_within_is_what_lies_inside_and_has_its_middle_in_range() -> None:
 def test_the_rows_behind_one_that_is_removed_move_up() -> None:
     shapes = known(np.arange(3), np.array([[0, 0, 1, 1], [2, 0, 3, 1], [4, 0, 5, 1]]))
     shapes.heights[2] = 0.5, 0.75
-    shapes.keep(np.array([True, False, True]))
+    shapes.keep(np.array([0, 2]))
     assert len(shapes) == 2
     assert shapes.classes.tolist() == [0, 2]
     assert shapes.boxes.tolist() == [[0, 0, 1, 1], [4, 0, 5, 1]]

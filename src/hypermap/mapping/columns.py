@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hypermap.core.arrays import BoolArray
+from hypermap.core.arrays import IntArray
 
 Item = TypeVar("Item", bound=np.generic)
 
@@ -56,9 +56,9 @@ class Column(Generic[Item]):
         room[:count] = self.values
         self._room, self._begin, self._end = room, 0, count
 
-    def keep(self, wanted: BoolArray) -> None:
-        """Remove the rows that are not wanted, shape (N,)."""
-        self._room = self.values = self.values[wanted]
+    def keep(self, rows: IntArray) -> None:
+        """Keep some rows, in this order, shape (R,)."""
+        self._room = self.values = self.values[rows]
         self._begin, self._end = 0, len(self._room)
 
     def remove_first(self, count: int = 1) -> None:

@@ -217,12 +217,12 @@ def map_again(
         if on_progress is not None:
             on_progress(number + 1, len(poses) - begin)
     fixed = frozenset(track.id for track in first.tracks.objects)
-    tracks = with_known_ids(evidence.tracks(), before.tracks(), fixed, config)
+    tracks = with_known_ids(evidence.tracks(), before.tracks(), fixed)
     known = {id(part.before) for part in log.parts}
     again.parts = [
         part
         if id(part.before) in known
-        else dataclasses.replace(part, before=_with_ids_of(tracks, part.before, fixed, config))
+        else dataclasses.replace(part, before=_with_ids_of(tracks, part.before, fixed))
         for part in again.parts
     ]
     evidence.go_on_with(tracks, before.hand_edits())
@@ -269,17 +269,13 @@ def _map_now(first: MapBefore, evidence: EvidenceMap, occupancy: OccupancyMapper
     return MapBefore.of(evidence.tracks(), first_cell, None if first.log_odds is None else log_odds)
 
 
-def _with_ids_of(
-    known: TrackTable, before: MapBefore, fixed: frozenset[int], config: MappingConfig
-) -> MapBefore:
+def _with_ids_of(known: TrackTable, before: MapBefore, fixed: frozenset[int]) -> MapBefore:
     """Return a map between two parts of the log, with the final ids of its tracks."""
-    tracks = with_known_ids(before.tracks, known, fixed, config)
+    tracks = with_known_ids(before.tracks, known, fixed)
     return MapBefore.of(tracks, before.first_cell, before.log_odds)
 
 
-def with_known_ids(
-    tracks: TrackTable, known: TrackTable, fixed: frozenset[int], config: MappingConfig
-) -> TrackTable:
+def with_known_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> TrackTable:
     """Return tracks with the ids, pictures and embeddings of the same objects in another table.
 
     Two tracks are one object if they share observations; those that share most are matched first.
@@ -288,7 +284,6 @@ def with_known_ids(
         tracks: the tracks to renumber.
         known: the tracks with the ids to use.
         fixed: ids that mean the same object in both.
-        config: of both.
     """
     ids = _matching_ids(tracks, known, fixed)
     number = max(tracks.next_id, known.next_id)
@@ -296,16 +291,16 @@ def with_known_ids(
         if track.id not in ids:
             ids[track.id], number = number, number + 1
     kept = {track.id: track.buffer for track in known.objects}
-    table = TrackTable(config.evidence.max_existence)
-    for row in sorted(range(len(tracks.objects)), key=lambda row: ids[tracks.objects[row].id]):
-        track = renumbered(tracks.objects[row], ids[tracks.objects[row].id])
+    objects = tracks.objects
+    rows, found = sorted(range(len(objects)), key=lambda row: ids[objects[row].id]), []
+    for row in rows:
+        track = renumbered(objects[row], ids[objects[row].id])
         counts = {ids[n]: count for n, count in track.co_occurrences.items() if n in ids}
         track.co_occurrences = Counter(counts)
         if (before := kept.get(track.id)) is not None:
             track.buffer.pictures, track.buffer.embedding = before.pictures, before.embedding
-        shape, heights = tracks.shapes.polygons[row], tracks.shapes.heights[row].tolist()
-        existence = float(tracks.existence[row])
-        table.add(track, 0, shape, tuple(heights), existence, tracks.missed(row))
+        found.append(track)
+    table = tracks.of_tracks(found, rows)
     table.next_id = max(table.next_id, number)
     return table
 

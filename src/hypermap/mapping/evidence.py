@@ -480,8 +480,9 @@ class EvidenceMap:
 
     def _note_times(self) -> None:
         """Update the stamps of the tracks that have changed since the last call."""
-        self._tracks.note_times(self._tracks.rows_of(self._outdated))
-        self._outdated.clear()
+        if self._outdated:
+            self._tracks.note_times(self._tracks.rows_of(self._outdated))
+            self._outdated.clear()
 
     def _touch(self, row: int) -> Track:
         """Return a track that is about to change, and keep a copy from before this frame."""

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import compress
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap._loops import loop
-from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
+from hypermap.core.arrays import IntArray, ObjectArray, as_objects
 from hypermap.mapping.columns import Column
 from hypermap.mapping.occlusion import SamplePoints
 from hypermap.mapping.prepared_polygon import Box, PreparedPolygon
@@ -97,13 +96,13 @@ class TrackShapes:
             found.sample(row, self.polygons[row])
         return found
 
-    def keep(self, wanted: BoolArray) -> None:
-        """Remove the rows that are not wanted, shape (N,)."""
+    def keep(self, rows: IntArray) -> None:
+        """Keep some rows, in this order, shape (R,)."""
         for column in (self._classes, self._boxes, self._heights):
-            column.keep(wanted)
+            column.keep(rows)
         for samples in (self._around, self._xy, self._widths):
-            samples.keep(wanted)
-        self.polygons = list(compress(self.polygons, wanted))
+            samples.keep(rows)
+        self.polygons = [self.polygons[row] for row in rows.tolist()]
 
     def near(self, class_: int | None, box: Box) -> Rows:
         """Return the rows whose boxes intersect a box; of one class, or of all with None."""

@@ -11,6 +11,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.columns import Column
@@ -195,12 +196,27 @@ class TrackTable:
         wanted[np.asarray(rows)] = False
         for row in sorted(rows, reverse=True):
             del self.objects[row], self._ids[row]
-        self.shapes.keep(wanted)
-        self._existence.keep(wanted)
-        self._spared.keep(wanted)
-        self._misses.keep(wanted)
-        self._times.keep(wanted)
-        self._is_edited.keep(wanted)
+        self._keep(np.flatnonzero(wanted))
+
+    def of_tracks(self, tracks: Sequence[Track], rows: Rows) -> TrackTable:
+        """Return a table of other tracks, in the order of their ids.
+
+        Args:
+            tracks: one for each row.
+            rows: of this table, whose columns they get.
+        """
+        other = self.copy()
+        other.objects, other._ids = list(tracks), [track.id for track in tracks]
+        other._keep(np.array(rows, np.int64))
+        other.next_id = max([self.next_id, *(number + 1 for number in other._ids)])
+        return other
+
+    def _keep(self, rows: IntArray) -> None:
+        """Keep some rows of all columns, in this order, shape (R,)."""
+        self.shapes.keep(rows)
+        columns = self._existence, self._spared, self._misses, self._times, self._is_edited
+        for column in columns:
+            column.keep(rows)
 
     def missed(self, row: int) -> tuple[int, float]:
         """Return how often a track was missed, and how much existence it was spared."""
@@ -214,11 +230,7 @@ class TrackTable:
             by: what is added.
             spared: by how much more it would fall without an estimate of how often it is found.
         """
-        existence, without = self._existence.values, self._spared.values
-        was = existence.item(row)
-        rest = _rounded(min(was - without.item(row) + by - spared, self._max_existence))
-        existence[row] = _rounded(min(was + by, self._max_existence))
-        without[row] = existence.item(row) - rest
+        _change(self.existence, self.spared, row, by, spared, self._max_existence)
 
     def rows_of(self, ids: Collection[int]) -> Rows:
         """Return the rows of the tracks with these ids, in ascending order."""
@@ -243,5 +255,30 @@ def _times_of(track: Track) -> tuple[float, float, float, float, int]:
     return (*buffer.surely_there, buffer.last_seen, gone, buffer.count)
 
 
+@loop()
+def _change(
+    existence: NDArray[np.float64],
+    without: NDArray[np.float64],
+    row: int,
+    by: float,
+    spared: float,
+    most: float,
+) -> None:
+    """Do the work of `TrackTable.change_existence`.
+
+    Args:
+        existence: of each track, shape (N,).
+        without: as `TrackTable.spared`.
+        row: as in `change_existence`, as `by` and `spared`.
+        by: likewise.
+        spared: likewise.
+        most: above which no existence grows.
+    """
+    rest = min(existence[row] - without[row] + by - spared, most)
+    existence[row] = _rounded(min(existence[row] + by, most))
+    without[row] = existence[row] - _rounded(rest)
+
+
+@inner_loop()
 def _rounded(existence: float) -> float:
-    return round(existence * 1e9) / 1e9
+    return float(np.rint(existence * 1e9) / 1e9 + 0.0)  # never the negative zero
