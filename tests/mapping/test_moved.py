@@ -358,6 +358,31 @@ def test_the_first_view_at_a_new_place_nearby_does_not_keep_an_object_at_its_old
     assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
 
 
+def test_nor_does_a_later_view_that_is_taken_for_the_object_at_its_old_place() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(8):
+        evidence.update(seen(square(-2.65 if second == 1 else -2.15), stamp=DAY + second))
+    chair = only(evidence)
+    assert chair.id == 0
+    assert chair.attributes["moved"]["since"] == DAY
+    assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
+
+
+def test_a_first_view_that_lies_more_in_the_new_place_is_of_the_object_there() -> None:
+    """So nobody has to look at the old place, which the object itself may hide."""
+    evidence, beyond = EvidenceMap(DEFAULT), shapely.box(-2.6, -10, 10, 10)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(8):
+        x = -2.5 if second == 0 else -2.15
+        evidence.update(seen(square(x), stamp=DAY + second, area=beyond))
+    chair = only(evidence)
+    assert chair.id == 0
+    assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
+
+
 def test_a_small_object_that_poses_put_beside_its_place_was_not_moved() -> None:
     evidence = EvidenceMap(DEFAULT)
     for second in range(12):

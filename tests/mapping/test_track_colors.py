@@ -90,6 +90,20 @@ def test_a_chair_that_was_moved_is_the_same_in_the_light_of_another_day() -> Non
     assert two_days([((-3, 0), WHITE)], [((3, 0), WHITE)], WARM_AND_DARK) == {0: (3, 0)}
 
 
+@pytest.mark.parametrize(("color", "number"), [(WHITE, 0), (BLACK, 0), (RED, 4)])
+def test_a_board_has_the_color_of_any_side_that_an_earlier_day_showed(
+    color: Rgb, number: int
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for day, side in enumerate((WHITE, BLACK)):
+        for second in range(4):
+            look(evidence, (((-3, 0), side), *FIXED), day * DAY + second, (1, 1, 1))
+    for second in range(80):
+        look(evidence, (((3, 0), color), *FIXED), 2 * DAY + second, (1, 1, 1))
+    centers = {item.id: item.footprint.centroid for item in evidence.objects()}
+    assert centers[number].x == pytest.approx(3, abs=0.1)
+
+
 @pytest.mark.parametrize("shade", [0.7, 1.3])
 def test_a_chair_may_stand_in_the_shade_or_in_the_light(shade: float) -> None:
     r, g, b = (int(shade * channel) for channel in RED)

@@ -182,16 +182,23 @@ def _within_reach(
 ) -> tuple[BoolArray, NDArray[np.float64]]:
     """Return which pairs are of one class, near and one after the other; and all distances [m].
 
+    What a frame shows beside another one is not that one.
+
     Returns:
         For each gone track and each new one, shape (N, M) both.
     """
     centers = [shapely.centroid(tracks.shapes.geometries(rows)) for rows in (gone, there)]
     ways = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
     names = [np.array([tracks.objects[row].name for row in rows]) for rows in (gone, there)]
-    last = np.array([tracks.objects[row].buffer.last_seen for row in gone])
+    buffers = [tracks.objects[row].buffer for row in gone]
+    left, last = np.array([(one.surely_there[1], one.last_seen) for one in buffers]).T
     first = np.array([_began(tracks, row) for row in there])
     is_same_class = names[0][:, None] == names[1][None, :]
-    return is_same_class & (first[None, :] > last[:, None]) & (ways <= FARTHEST), ways
+    is_near = is_same_class & (first[None, :] > left[:, None]) & (ways <= FARTHEST)
+    for i, j in np.argwhere(is_near & (first[None, :] <= last[:, None])).tolist():
+        track, other = tracks.objects[gone[i]], tracks.objects[there[j]]
+        is_near[i, j] = not track.co_occurrences[other.id]
+    return is_near, ways
 
 
 def _possible(
@@ -236,15 +243,17 @@ def _may_be_as_high(tracks: TrackTable, one: int, other: int) -> bool:
 def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
     """Return whether a track is next to the place of another, not seen since an earlier drive.
 
-    The first views of a moved object may be taken for the object at its old place. Then more of its
-    own views must have looked there without showing that.
+    The first views of a moved object may be taken for the object at its old place. Unless they lie
+    more in the new one, more of its own views must have looked there without showing that.
     """
     buffer, before = (tracks.objects[one].buffer for one in (row, other))
     shape, was = (tracks.shapes.polygons[one].geometry for one in (row, other))
     end = before.surely_there[1]
     if not (buffer.surely_there[0] > end + STALE and shapely.dwithin(shape, was, _BESIDE)):
         return False
-    strays = sum(item.stamp > end for item in before.items[-CONFIRMED:])
+    late = as_objects(item.footprint for item in before.items[-CONFIRMED:] if item.stamp > end)
+    here, there = (shapely.area(shapely.intersection(late, one)) for one in (shape, was))
+    strays = int(np.count_nonzero(here <= there))
     return not strays or _views_of(was, buffer.items) >= _VIEWS + strays
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray
 from hypermap.mapping.evidence_buffer import STALE, EvidenceBuffer, SeenColor
-from hypermap.mapping.tracks import TrackTable
+from hypermap.mapping.tracks import Track, TrackTable
 
 _MOST = 12.0  # distance in CIELAB between two views of one object
 _SHADE = 3.0  # times as bright as in another view, with another side in the light
@@ -35,6 +35,7 @@ def differ_in_color(tracks: TrackTable, before: Sequence[int], now: Sequence[int
     """Return which pairs of tracks have such different colors that they are two objects.
 
     What all objects of two drives have in common is the light, or the camera, and does not count.
+    An object has shown the sides that it has: it is one that has the color of any earlier drive.
 
     Args:
         tracks: all tracks.
@@ -45,17 +46,31 @@ def differ_in_color(tracks: TrackTable, before: Sequence[int], now: Sequence[int
         Shape (N, M); False where a color is unknown, or the light.
     """
     after = [_newest(_paints(tracks.objects[row].buffer)) for row in now]
-    found = [_while_there(tracks.objects[row].buffer) for row in before]
+    seen = np.array([_UNKNOWN if one is None else one.color for one in after]).reshape(-1, 3)
     gains = _Gains(tracks)
-    expected = np.array(
-        [_UNKNOWN if one is None else one.color * gains.since(one) for one in found]
-    ).reshape(-1, 1, 3)
-    seen = np.array([_UNKNOWN if one is None else one.color for one in after]).reshape(1, -1, 3)
+    differ: BoolArray = np.zeros((len(before), len(now)), dtype=bool)
+    for i, row in enumerate(before):
+        known = [paint.color * gains.since(paint) for paint in _while_there(tracks.objects[row])]
+        steps = _distances(np.array(known).reshape(-1, 3), seen)
+        differ[i] = np.fmin.reduce(steps, axis=0, initial=np.nan) > _MOST
+    return differ
+
+
+def _distances(expected: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far apart linear colors are in CIELAB, whichever side is in the light.
+
+    Args:
+        expected: 0..1, NaN for unknown ones, shape (N, 3).
+        seen: likewise, shape (M, 3).
+
+    Returns:
+        Shape (N, M), NaN where one is unknown.
+    """
+    expected, seen = expected[:, np.newaxis], seen[np.newaxis]
     ratios = np.median((seen + _DARK) / (expected + _DARK), axis=2, keepdims=True)
     half = np.sqrt(np.clip(ratios, 1 / _SHADE, _SHADE))
-    steps = _lab(expected * half) - _lab(seen / half)
-    differ: BoolArray = np.linalg.norm(steps, axis=2) > _MOST
-    return differ
+    away: NDArray[np.float64] = np.linalg.norm(_lab(expected * half) - _lab(seen / half), axis=2)
+    return away
 
 
 class _Paint(NamedTuple):
@@ -92,10 +107,10 @@ def _newest(paints: Sequence[_Paint]) -> _Paint | None:
     return paints[-1] if paints else None
 
 
-def _while_there(buffer: EvidenceBuffer) -> _Paint | None:
-    """Return the newest color of an object from while it surely was there."""
-    end = buffer.surely_there[1]
-    return _newest([paint for paint in _paints(buffer) if paint.first <= end])
+def _while_there(track: Track) -> list[_Paint]:
+    """Return the colors of an object from while it surely was there, oldest first."""
+    end = track.buffer.surely_there[1]
+    return [paint for paint in _paints(track.buffer) if paint.first <= end]
 
 
 class _Gains:
