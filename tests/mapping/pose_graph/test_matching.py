@@ -59,6 +59,7 @@ def test_noise_never_looks_like_knowledge_along_a_bare_wall() -> None:
         across = np.array([-wall[1], wall[0]])
         assert wall @ found.information[:2, :2] @ wall < 5.0  # 1/m²
         assert across @ found.information[:2, :2] @ across > 1e4
+        assert found.information[2, 2] > 1e4
 
 
 def test_views_of_different_places_do_not_match() -> None:

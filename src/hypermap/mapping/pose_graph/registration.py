@@ -21,7 +21,8 @@ _REACHES = np.array([0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.06, 0.06, 0.06, 0.06])
 _FEWEST = 60  # points that a registration needs
 _TOGETHER = 10.0  # points with a common error: so many count as one
 _FLOOR = np.array([0.003, 0.003, 0.001])  # added standard deviations [m, m, rad]
-_VAGUE = 0.06  # standard deviation [m]; more is no knowledge about a direction
+_VAGUE = 0.06  # standard deviation [m]; a direction known less well gets the next one
+_UNKNOWN = 1.0  # [m]
 _MATRIX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # indices of a symmetric matrix in `sums`
 _CONTRADICTS = 0.1  # meters; a ray that ends so far behind a point contradicts it
 
@@ -97,10 +98,10 @@ def _without_vague(information: Array) -> Array:
     by_yaw = information[:2, 2:] / max(information[2, 2], 1e-9)
     values, vectors = np.linalg.eigh(information[:2, :2] - by_yaw @ information[2:, :2])
     for value, direction in zip(values, vectors.T, strict=True):
-        along = information[:, :2] @ direction
-        known = direction @ along[:2]
-        if value < _VAGUE**-2.0 and known > 0:
-            information = information - np.outer(along, along) / known
+        if value < _VAGUE**-2.0:  # add a covariance, as above
+            along = information[:, :2] @ direction
+            known = direction @ along[:2]
+            information = information - np.outer(along, along) / (known + _UNKNOWN**-2.0)
     return information
 
 
