@@ -44,6 +44,17 @@ def test_the_same_images_with_the_poses_of_another_slam_are_another_map() -> Non
     assert identity(one)[0] != identity(other)[0]
 
 
+def test_noise_of_the_last_digits_of_poses_does_not_make_another_map() -> None:
+    found = set()
+    for noise in (1e-12, -1e-12):
+        seen = [
+            dataclasses.replace(f, map_T_camera=f.map_T_camera + noise * np.eye(4, k=1))
+            for f in walk(3).frames()
+        ]
+        found.add(identity(map_recording(Frames(seen), boxes, CONFIG))[0])
+    assert len(found) == 1
+
+
 def test_a_map_with_what_people_have_done_is_not_replaced_without_asking(tmp_path: Path) -> None:
     first = map_recording(walk(3), boxes, CONFIG)
     first.semantic().rename(0, "Anna's box")

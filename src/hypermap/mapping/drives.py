@@ -59,7 +59,8 @@ class Drive:
         """Add a mapped frame."""
         self.first, self.last = min(self.first, frame.stamp), max(self.last, frame.stamp)
         if not self.keys:
-            self.start = tuple(np.round(frame.map_T_camera[:3], 6).ravel().tolist())
+            rounded = np.round(frame.map_T_camera[:3], 6) + 0.0  # never the negative zero
+            self.start = tuple(rounded.ravel().tolist())
         self.keys.append(frame_key(frame))
 
     @property
