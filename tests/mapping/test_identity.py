@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import os
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,13 @@ def test_noise_of_the_last_digits_of_poses_does_not_make_another_map() -> None:
         ]
         found.add(identity(map_recording(Frames(seen), boxes, CONFIG))[0])
     assert len(found) == 1
+
+
+def test_a_recording_whose_name_is_not_unicode_is_mapped_and_saved(tmp_path: Path) -> None:
+    recording = dataclasses.replace(walk(), path=Path(os.fsdecode(b"caf\xe9")))
+    save_map(map_recording(recording, boxes, CONFIG), tmp_path / "a.hmap")
+    metadata = open_map(tmp_path / "a.hmap").metadata
+    assert metadata["recording"] == metadata["drives"][0]["name"] == "caf\ufffd"
 
 
 def test_a_map_with_what_people_have_done_is_not_replaced_without_asking(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -134,8 +135,13 @@ def map_recording(
     mapper.tell_left_out()
     preflight.finish()
     hypermap = mapper.hypermap()
-    hypermap.metadata["recording"] = recording.path.name
+    hypermap.metadata["recording"] = _name_of(recording)
     return hypermap
+
+
+def _name_of(recording: Recording) -> str:
+    """Return its name, with a replacement character for what is not Unicode in its path."""
+    return os.fsencode(recording.path.name).decode(errors="replace")
 
 
 def _mapper_for(
@@ -146,7 +152,7 @@ def _mapper_for(
     onto: Hypermap | None,
 ) -> Mapper:
     """Return a mapper for a new map, or to continue one."""
-    name, frame_id = recording.path.name, recording.frame_id
+    name, frame_id = _name_of(recording), recording.frame_id
     if onto is None:
         occupancy = recording.occupancy() if occupancy is None else occupancy
         return Mapper(config, source, occupancy, frame_id, name)
