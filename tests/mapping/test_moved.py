@@ -9,6 +9,7 @@ import shapely
 
 from hypermap.core.semantic import SemanticObject
 from hypermap.history.differences import is_said_to_have_moved
+from hypermap.mapping import moved
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.stages import EvidenceConfig
@@ -416,3 +417,14 @@ def test_two_objects_that_one_frame_shows_are_not_one_that_was_moved(place: floa
         shapes = [square(-3), square(place)] if second < 2 else [square(place)]
         evidence.update(seen(*shapes, stamp=DAY + second))
     assert only(evidence).id == 1
+
+
+def test_what_was_seen_once_before_is_not_moved_to_itself() -> None:
+    """As its single early view may be false, it is new, and as its late ones are few, also gone."""
+    evidence = EvidenceMap(DEFAULT)
+    for stamp in (0.0, DAY, DAY + 1, DAY + 2):
+        evidence.update(seen(square(-3), stamp=stamp))
+    tracks = evidence.tracks()
+    began, left = tracks.objects[0].buffer.surely_there
+    assert began > left
+    assert not moved._within_reach(tracks, [0], [0])[0].any()

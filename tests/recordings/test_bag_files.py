@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -196,3 +198,20 @@ def test_a_description_that_takes_minutes_to_read_is_refused(tmp_path: Path) -> 
     described.write_bytes(described.read_bytes() + b"# " + b"x" * 1_000_000)
     [problem] = open_recording(path).info().missing
     assert problem.startswith(f"{path}: metadata.yaml has 1.0 MB, of which at most 1 are read")
+
+
+@pytest.mark.parametrize("column", ["name", "type"])
+def test_a_topic_without_a_name_or_a_type_is_one_error(tmp_path: Path, column: str) -> None:
+    bag = BagBuilder(tmp_path, "db3")
+    with bag:
+        add_poses(bag, SHOTS)
+        add_images(bag, SHOTS[0])
+    [file] = bag.path.glob("*.db3")
+    with closing(sqlite3.connect(file)) as database, database:
+        database.executescript(
+            f"""CREATE TABLE loose AS SELECT * FROM topics;
+            DROP TABLE topics; ALTER TABLE loose RENAME TO topics;
+            UPDATE topics SET {column} = NULL WHERE id = 1"""
+        )
+    with pytest.raises(FormatError, match="a topic without a name or a type"):
+        list(open_recording(file).frames())

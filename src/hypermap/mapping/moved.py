@@ -195,6 +195,7 @@ def _within_reach(
     first = np.array([_began(tracks, row) for row in there])
     is_same_class = names[0][:, None] == names[1][None, :]
     is_near = is_same_class & (first[None, :] > left[:, None]) & (ways <= FARTHEST)
+    is_near &= np.array(gone)[:, None] != np.array(there)[None, :]  # one seen again
     for i, j in np.argwhere(is_near & (first[None, :] <= last[:, None])).tolist():
         track, other = tracks.objects[gone[i]], tracks.objects[there[j]]
         is_near[i, j] = not track.co_occurrences[other.id]

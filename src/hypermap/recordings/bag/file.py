@@ -84,6 +84,8 @@ class BagFile:
             with _open(part) as reader:
                 for connection in reader.connections:
                     key = connection.topic, connection.msgtype
+                    if not all(isinstance(text, str) for text in key):  # NULL in SQLite
+                        raise FormatError("has a topic without a name or a type")
                     counts[key] = counts.get(key, 0) + connection.msgcount
         return [Topic(name, kind, counts[name, kind]) for name, kind in sorted(counts)]
 
