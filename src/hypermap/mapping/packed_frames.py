@@ -18,7 +18,9 @@ _LEVEL = 6  # of compression
 _MOST_BYTES = 16_000_000  # of an unpacked frame
 # Earlier versions of this program take this, which is not compressed, for the whole frame, and say
 # that they do not read its version.
-_BEGIN = zlib.compress(b'{"format":"hypermap mapped frame","version":3}\n', 0)
+_SAID = b'{"format":"hypermap mapped frame","version":3}\n'
+_STORED = b"\x78\x01\x01" + struct.pack("<HH", len(_SAID), 0xFFFF - len(_SAID))  # RFC 1950, 1951
+_BEGIN = _STORED + _SAID + zlib.adler32(_SAID).to_bytes(4, "big")
 _SIZES = struct.Struct("<II")  # of the file of arrays, before and after compression
 
 
