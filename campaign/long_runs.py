@@ -36,7 +36,7 @@ FRAMES = 100_000  # the most that a mapper gets
 GROWTH = 1.0  # MB that 10,000 frames may add, once warm
 SLOWER = 1.5  # times: the last quarter of the frames beside the second
 DAY = 86_400  # s
-_ENOUGH = 20_000  # frames, after which all that a mapper keeps has reached its bounds
+_ENOUGH = 20_000  # frames, after which evidence of seldom seen objects has reached its bounds, too
 _FILLING = 40.0  # MB that 10,000 frames may add before, besides
 _LOG = 25.0  # MB of the log of the newest frames, which fills with the first 3,000
 _SETTLES = 5.0  # MB, within which memory may settle at any time
@@ -123,7 +123,7 @@ class _Gauge:
 
 
 def uneven(ends: FloatArray, memory: FloatArray) -> list[str]:
-    """Return in words what grows from frame to frame, once all is warm.
+    """Return in words what grows from frame to frame in their second half.
 
     Args:
         ends: time of the processor after each frame [s], shape (N,).
@@ -132,10 +132,10 @@ def uneven(ends: FloatArray, memory: FloatArray) -> list[str]:
     found = []
     growth, warm = _growth(memory), len(memory) - len(memory) // 2
     allowed = _SETTLES + GROWTH * warm / 1e4
-    if len(memory) < _ENOUGH:
+    if len(memory) // 2 < _ENOUGH:
         allowed = _SETTLES + _LOG + _FILLING * warm / 1e4
     if growth * warm > allowed:
-        found.append(f"{growth * warm:.1f} MB more after {warm} frames, once warm")
+        found.append(f"{growth * warm:.1f} MB more after {warm} frames")
     early, late = _pace(ends)
     if late > SLOWER * early:
         found.append(f"{late / early:.1f} times slower at the end")
@@ -143,10 +143,7 @@ def uneven(ends: FloatArray, memory: FloatArray) -> list[str]:
 
 
 def _growth(memory: FloatArray) -> float:
-    """Return what each frame adds in the second half [MB].
-
-    Some objects are seen so seldom that their evidence grows for 20,000 frames.
-    """
+    """Return what each frame adds in the second half [MB]."""
     warm = np.arange(len(memory) // 2, len(memory))
     return float(np.polyfit(warm, memory[warm], 1)[0])
 

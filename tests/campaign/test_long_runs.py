@@ -42,9 +42,11 @@ def test_what_grows_is_found() -> None:
     assert long_runs.uneven(0.004 * frames, level) == []
     [found] = long_runs.uneven(0.004 * frames, level + 0.05 * frames)
     assert "MB more after 1000 frames" in found
-    many = np.arange(20_000.0)
-    [found] = long_runs.uneven(0.004 * many, 300 + 0.001 * many)
-    assert "10.0 MB more after 10000 frames" in found
+    many = np.arange(40_000.0)
+    [found] = long_runs.uneven(0.004 * many, 300 + 0.0006 * many)
+    assert "12.0 MB more after 20000 frames" in found
+    fewer = np.arange(21_000.0)  # of which the second half begins before all evidence is there
+    assert long_runs.uneven(0.004 * fewer, 300 + 0.0006 * fewer) == []
     [found] = long_runs.uneven(np.cumsum(0.004 + 4e-6 * frames), level)
     assert "times slower" in found
 
