@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pytest
+from PIL import Image
 
 from hypermap import Hypermap, SemanticLayer, save_map
 
@@ -94,6 +95,36 @@ def test_what_info_calls_complete_is_mapped_and_what_it_does_not_is_refused(hype
         is_complete = hypermap("info", drive, "--json").json["missing"] == []
         made = hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", tmp_path / "out.hmap")
         assert (made.code == 0) == is_complete == has_detections
+
+
+def test_info_says_which_images_cannot_be_used(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=6)
+    Image.new("L", (160, 120)).save(drive / "gray.png")
+    for bad, is_complete in ((2, True), (4, False)):
+        lines = (drive / "depth.txt").read_text().splitlines()
+        lines[:bad] = [line.split()[0] + " gray.png" for line in lines[:bad]]
+        (drive / "depth.txt").write_text("\n".join(lines))
+        said = hypermap("info", drive).out
+        assert f"{bad} of 6 frames tried cannot be used; the first one: {drive}/gray.png" in said
+        assert ("Nothing is missing" in said) == is_complete
+        made = hypermap("map", drive, "-o", tmp_path / "out.hmap", "--force")
+        assert (made.code == 0) == is_complete
+
+
+def test_info_checks_nothing_where_no_image_can_be_used(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=2)
+    Image.new("L", (160, 120)).save(drive / "depth.png")
+    content = hypermap("info", drive, "--json").json
+    assert content["checks"] == []
+    assert len(content["missing"]) == 1
+
+
+def test_info_says_that_a_detector_cannot_read_color(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=2)
+    Image.new("I;16", (160, 120)).save(drive / "color.png")
+    said = hypermap("info", drive).out
+    assert f"no --detector can find objects in color images like the first one: {drive}" in said
+    assert "Nothing is missing" in said  # it has detections
 
 
 def test_a_recording_without_color_is_reported_what_can_be_made_of_it(hypermap, tmp_path):

@@ -16,6 +16,7 @@ import typer
 from hypermap.cli.options import AsJson
 from hypermap.cli.recording_options import RecordingRequest, takes_recording_options
 from hypermap.cli.terminal import facts, note, out, say, say_json, table
+from hypermap.core.errors import HypermapError
 from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
@@ -26,9 +27,11 @@ if TYPE_CHECKING:
     from hypermap.core.semantic import SemanticLayer
     from hypermap.core.value_layer import ValueLayer
     from hypermap.mapping.preflight import Finding
+    from hypermap.perception.frame import RgbdFrame
     from hypermap.perception.recording import RecordingInfo
     from hypermap.recordings import RecordingOptions
 
+_COLORS = 3  # color images that are decoded to see whether they can be
 _LINE = 1000  # characters of a sentence about a recording, in which its names may occur
 
 
@@ -70,7 +73,7 @@ def command(
         recording, options = request.open(path)
         info = recording.info()
         content = describe_recording(info)
-        content["checks"] = [] if info.frames == 0 else _checks(path, options)
+        content["checks"] = [] if info.frames == 0 else _checks(path, options, content)
         show = show_recording
     if as_json:
         say_json({"path": str(path), **content})
@@ -278,8 +281,51 @@ def describe_recording(info: RecordingInfo) -> dict[str, Any]:
     return {"kind": "recording", **content}
 
 
-def _checks(path: Path, options: RecordingOptions) -> list[dict[str, Any]]:
-    """Return what the pre-flight check finds in some frames all over, and in the first ones."""
+class _Tried:
+    """The frames that were checked, and why some of them cannot be used.
+
+    Attributes:
+        good: how many can be mapped.
+        bad: reasons why others cannot.
+        colors: reasons why color images of the good ones cannot be read.
+    """
+
+    def __init__(self) -> None:
+        self.good = 0
+        self.bad: list[str] = []
+        self.colors: list[str] = []
+
+    def add(self, frame: RgbdFrame) -> None:
+        """Count a frame that can be mapped; of the first ones, the color is decoded."""
+        self.good += 1
+        if self.good <= _COLORS:
+            try:
+                _ = frame.color
+            except HypermapError as error:
+                self.colors.append(str(error))
+
+    def add_bad(self, _stamp: float, error: HypermapError) -> None:
+        """Count a frame that cannot."""
+        self.bad.append(str(error))
+
+    @property
+    def are_too_many(self) -> bool:
+        """Whether mapping would give up, if all frames are like these."""
+        from hypermap.mapping.recording_to_map import MAX_BAD
+
+        return len(self.bad) > MAX_BAD * (len(self.bad) + self.good)
+
+    def sentence(self) -> str:
+        """Say how many cannot be used, and why the first one cannot."""
+        tried = counted(len(self.bad) + self.good, "frame")
+        return f"{len(self.bad)} of {tried} tried cannot be used; the first one: {self.bad[0]}"
+
+
+def _checks(path: Path, options: RecordingOptions, content: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what the pre-flight check finds in some frames all over, and in the first ones.
+
+    Of those that cannot be used, `content` says it: as missing, if mapping would give up.
+    """
     from hypermap.cli.measured_options import IN_A_ROW, SPREAD, usable_frames
     from hypermap.mapping.preflight import Preflight
 
@@ -291,8 +337,17 @@ def _checks(path: Path, options: RecordingOptions) -> list[dict[str, Any]]:
     )
     for frame in islice(usable_frames(path, options), IN_A_ROW):
         preflight.add(frame)
-    for frame in usable_frames(path, options, SPREAD):
+    tried = _Tried()
+    for frame in usable_frames(path, options, SPREAD, tried.add_bad):
         preflight.add_mapped(frame)
+        tried.add(frame)
+    if tried.bad:
+        content["missing" if tried.are_too_many else "notes"] += (tried.sentence(),)
+    if tried.colors:
+        what = "no --detector can find objects in color images like the first one"
+        content["notes"] += (f"{what}: {tried.colors[0]}",)
+    if not tried.good:
+        return []
     return [
         {"check": f.check, "is_wrong": f.is_wrong, "measured": f.measured}
         | ({"effect": f.effect, "remedy": f.remedy} if f.is_wrong else {})

@@ -14,6 +14,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.trajectory import compose, rpy_from_pose
 from hypermap.mapping.preflight import clock_offset, leveling_pose
 from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.recording import OnBadFrame
 from hypermap.recordings import RecordingOptions, open_recording
 
 SPREAD = 40  # frames all over a recording, by which the floor is found
@@ -45,13 +46,19 @@ def measured_options(
     return options
 
 
-def usable_frames(path: Path, options: RecordingOptions, most: int = 0) -> Iterator[RgbdFrame]:
+def usable_frames(
+    path: Path,
+    options: RecordingOptions,
+    most: int = 0,
+    on_bad: OnBadFrame = lambda _stamp, _error: None,
+) -> Iterator[RgbdFrame]:
     """Yield the frames of a recording that can be mapped; what is noted of it is not logged.
 
     Args:
         path: where it is.
         options: how it is read.
         most: about as many, spread over the whole recording; 0 for all.
+        on_bad: called for each frame that cannot be mapped.
     """
     from hypermap.mapping.usable import why_unusable
 
@@ -59,9 +66,12 @@ def usable_frames(path: Path, options: RecordingOptions, most: int = 0) -> Itera
         count = len(open_recording(path, options))
         options = replace(options, every=options.every * max(1, count // most))
     with _silenced("hypermap.recordings"):  # `info` prints the notes, and mapping logs them
-        for frame in open_recording(path, options).frames(_ignore):
-            if why_unusable(frame) is None:
+        for frame in open_recording(path, options).frames(on_bad):
+            reason = why_unusable(frame)
+            if reason is None:
                 yield frame
+            else:
+                on_bad(frame.stamp, HypermapError(reason))
 
 
 @contextmanager
@@ -91,7 +101,3 @@ def _leveled(path: Path, options: RecordingOptions) -> RecordingOptions:
         f"{floor.offset:.2f} m; the world is moved by --world-transform={numbers}"
     )
     return replace(options, map_T_world=tuple(pose.ravel().tolist()))
-
-
-def _ignore(_stamp: float, _error: HypermapError) -> None:
-    """Leave out a frame that cannot be read, as mapping does."""
