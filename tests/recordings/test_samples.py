@@ -33,6 +33,13 @@ def test_a_table_has_places_values_and_times(tmp_path):
     assert not samples.is_below.any()
 
 
+def test_times_of_a_table_may_be_nanoseconds(tmp_path):
+    path = write(tmp_path, "stamp,x,y,value\n1700000000250000000,1.5,2,20.5\n,-1,0,21\n")
+    assert read_table(path).samples.stamps.tolist() == pytest.approx(
+        [1_700_000_000.25, np.nan], nan_ok=True
+    )
+
+
 def test_the_columns_may_stand_in_any_order_and_the_field_names_one(tmp_path):
     path = write(tmp_path, "\ufeffco2, y, x\n400,2,1\n")
     measured = read_table(path, "co2")

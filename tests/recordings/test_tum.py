@@ -113,6 +113,28 @@ def test_commas_may_separate_the_numbers_of_poses(folder: Path) -> None:
     np.testing.assert_array_equal(after, before)
 
 
+@pytest.mark.parametrize("digits", [9, 6, 3])
+@pytest.mark.parametrize("names", [("depth.txt", "rgb.txt", "groundtruth.txt"), ("rgb.txt",)])
+def test_stamps_may_count_parts_of_a_second_since_1970(
+    folder: Path, digits: int, names: tuple[str, ...]
+) -> None:
+    whole = [frame.stamp for frame in opened(folder).frames()]
+    for name in names:
+        lines = (
+            line.split() for line in (folder / name).read_text().splitlines() if line[0] != "#"
+        )
+        counted = [" ".join([f"{float(stamp) * 10**digits:.0f}", *rest]) for stamp, *rest in lines]
+        (folder / name).write_text("\n".join(counted))
+    assert [frame.stamp for frame in opened(folder).frames()] == pytest.approx(whole, abs=1e-3)
+
+
+def test_16_bit_depth_may_be_pgm_or_tiff(folder: Path) -> None:
+    pgm_of("depth/*", 65_535)(folder)
+    assert float(np.nanmax(next(opened(folder).frames()).depth)) == 1.5
+    tiff_of("depth/*", np.full((24, 32), 1500, np.uint16))(folder)
+    assert float(np.nanmax(next(opened(folder).frames()).depth)) == 1.5
+
+
 def test_poses_of_another_convention_are_read_on_request(folder: Path) -> None:
     true = [frame.map_T_camera for frame in opened(folder).frames()]
     path = folder / "groundtruth.txt"
@@ -225,6 +247,19 @@ def picture_of(pattern: str, pixels: np.ndarray) -> Callable[[Path], None]:
     return lambda folder: Image.fromarray(pixels).save(min(folder.glob(pattern)))
 
 
+def pgm_of(pattern: str, most: int) -> Callable[[Path], None]:
+    """Replace the first file that fits by a PGM with this largest value."""
+    header = f"P5 32 24 {most}\n".encode()
+    return content_of(pattern, header + np.full((24, 32), 1500, ">u2").tobytes())
+
+
+def tiff_of(pattern: str, pixels: np.ndarray) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        Image.fromarray(pixels).save(min(folder.glob(pattern)), format="TIFF")
+
+    return change
+
+
 def remove(pattern: str) -> Callable[[Path], None]:
     return lambda folder: min(folder.glob(pattern)).unlink()
 
@@ -304,6 +339,24 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
             FormatError,
             f"{{}}/depth/{D0}.png: expected a depth image of 16 bits, found a picture of mode L "
             "(8 bits)",
+        ),
+        (
+            tiff_of("depth/*", np.full((24, 32), 1.5, np.float32)),
+            FormatError,
+            f"{{}}/depth/{D0}.png: expected a depth image of 16 bits, found a picture of "
+            "floating-point numbers",
+        ),
+        (
+            tiff_of("depth/*", np.full((24, 32), 70_000, np.int32)),
+            FormatError,
+            f"{{}}/depth/{D0}.png: expected a depth image of 16 bits, found numbers from 70000 to "
+            "70000",
+        ),
+        (
+            pgm_of("depth/*", 10_000),
+            FormatError,
+            f"{{}}/depth/{D0}.png: a depth image in PGM must be binary with a largest value of "
+            "65535: by another one its numbers are scaled",
         ),
         (
             picture_of("rgb/*", np.zeros((12, 16, 3), np.uint8)),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
+from hypermap.core.stamps import in_seconds
 from hypermap.recordings.textfiles import finite_numbers, read_lines
 
 
@@ -43,7 +44,7 @@ def read_image_list(path: Path) -> ImageList:
         paths.append(path.parent / name[0])
     if not stamps:
         raise FormatError("the list is empty", path=path)
-    return ImageList(np.array(stamps), paths)
+    return ImageList(in_seconds(np.array(stamps)), paths)
 
 
 def read_associations(path: Path) -> tuple[ImageList, ImageList]:
@@ -74,4 +75,5 @@ def read_associations(path: Path) -> tuple[ImageList, ImageList]:
 
 
 def _image_list(images: list[tuple[float, Path]]) -> ImageList:
-    return ImageList(np.array([stamp for stamp, _ in images]), [path for _, path in images])
+    stamps = in_seconds(np.array([stamp for stamp, _ in images]))
+    return ImageList(stamps, [path for _, path in images])

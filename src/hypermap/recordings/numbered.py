@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
-from hypermap.core.history import EARLIEST
+from hypermap.core.stamps import ticks_per_second
 from hypermap.core.trajectory import trajectory_of
 from hypermap.perception.frame import Camera
 from hypermap.perception.recording import RecordingInfo, Stream
@@ -38,7 +38,7 @@ class NumberedFrame:
     @property
     def stamp(self) -> float:
         """Seconds since frame 0, or since 1970 if the number is a time."""
-        return self.number / (_ticks_per_second(self.number) or FRAME_RATE)
+        return self.number / (ticks_per_second(self.number) or FRAME_RATE)
 
     def pose(self, options: RecordingOptions) -> NDArray[np.float64]:
         """Return the camera's pose in the map, shape (4, 4).
@@ -225,13 +225,8 @@ class NumberedRecording(ImageFolder):
         return intrinsics.camera(width, height)
 
 
-def _ticks_per_second(number: int) -> float | None:
-    """Return in how many parts of a second a number counts from 1970; None if it does not."""
-    return next((ticks for ticks in (1e9, 1e6, 1e3) if number > EARLIEST * ticks), None)
-
-
 def _note_on_stamps(numbers: Iterable[int]) -> str:
-    if all(map(_ticks_per_second, numbers)):
+    if all(map(ticks_per_second, numbers)):
         return "stamps are the times in the names of the files"
     return f"stamps are frame numbers at {FRAME_RATE:g} Hz"
 

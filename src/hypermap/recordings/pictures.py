@@ -21,6 +21,7 @@ from hypermap.perception.frame import Camera
 
 MAX_PIXELS = 50_000_000
 MAX_BYTES = 8 * MAX_PIXELS  # of a picture's file
+_MOST_INTEGER = np.iinfo(np.uint16).max
 _DAMAGE = (
     OSError,
     SyntaxError,
@@ -73,20 +74,30 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
     """Return an encoded picture of 16 bit gray values, shape (H, W).
 
     Raises:
-        FormatError: If it is not a picture, damaged, or of another depth.
+        FormatError: If it is not a picture, damaged, or its numbers are of another kind.
     """
     with _opened(content) as image:
         if not image.mode.startswith("I"):
+            found = "floating-point numbers" if image.mode == "F" else f"mode {image.mode} (8 bits)"
+            raise FormatError(f"expected a depth image of 16 bits, found a picture of {found}")
+        if image.format == "PPM" and image.tile[0][0] != "raw":
             raise FormatError(
-                f"expected a depth image of 16 bits, found a picture of mode {image.mode} (8 bits)"
+                "a depth image in PGM must be binary with a largest value of 65535: by another one "
+                "its numbers are scaled; write 16-bit PNG"
             )
-        return np.asarray(image).astype(np.uint16)
+        integers = np.asarray(image)
+        if integers.max() > _MOST_INTEGER or integers.min() < 0:
+            raise FormatError(
+                f"expected a depth image of 16 bits, found numbers from {integers.min()} to "
+                f"{integers.max()}"
+            )
+        return integers.astype(np.uint16)
 
 
 def depth_in_meters(integers: NDArray[np.uint16], units_per_meter: float) -> NDArray[np.float32]:
     """Return integer depth as meters, float32; 0 and the largest number are no return, NaN."""
     depth = np.divide(integers, np.float32(units_per_meter), dtype=np.float32)
-    for value in (0, np.iinfo(np.uint16).max):
+    for value in (0, _MOST_INTEGER):
         np.copyto(depth, np.nan, where=integers == value)
     return depth
 

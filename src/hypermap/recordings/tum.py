@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.core.stamps import in_seconds
 from hypermap.core.trajectory import Trajectory
 from hypermap.perception.frame import Camera
 from hypermap.perception.recording import RecordingInfo, Stream
@@ -200,6 +201,7 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
     if not rows:
         raise FormatError("there are no poses in it", path=path)
     table = np.array(rows)
+    table[:, 0] = in_seconds(table[:, 0])
     _, order = np.unique(table[:, 0], return_index=True)
     notes = []
     if (np.diff(table[:, 0]) < 0).any():

@@ -50,6 +50,13 @@ def test_a_stamp_that_was_rounded_is_found(recorded: RecordedDetections) -> None
     assert recorded.missed == 0
 
 
+def test_stamps_may_be_nanoseconds_as_in_the_lists_of_images(tmp_path: Path) -> None:
+    cup = {"box": [1, 2, 3, 4], "name": "cup", "score": 0.5}
+    path = tmp_path / "detections.json"
+    path.write_text(json.dumps({"frames": {"1700000000250000000": [cup]}}))
+    assert RecordedDetections.load(path).at(1_700_000_000.25).names == ("cup",)
+
+
 def test_the_nearest_of_two_close_stamps_is_taken() -> None:
     recorded = RecordedDetections()
     recorded.add(1.0008, Detections.of([[0, 0, 1, 1]], ["later"]))

@@ -24,6 +24,7 @@ from pydantic import BaseModel, Field, NonNegativeInt, ValidationError, model_va
 
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.outside import write_file
+from hypermap.core.stamps import in_seconds
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import rle
 
@@ -209,7 +210,7 @@ def _as_detections(objects: list[_Object]) -> Detections:
 
 def _stamp_of(key: str) -> float:
     try:
-        return float(key)
+        return float(in_seconds(np.array(float(key))))
     except ValueError:
         raise ValueError("the key of a frame is its stamp in seconds") from None
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from hypermap.core.errors import FileMissing, FormatError, did_you_mean
 from hypermap.core.moving_frames import Motion
+from hypermap.core.stamps import in_seconds
 from hypermap.recordings.samples.measured import Measured, checked, sensor_positions
 
 _NOTHING = {"", "nan", "null", "none", "na", "n/a", "-"}
@@ -66,11 +67,11 @@ def read_table(
     by_name = dict(zip((VALUE, *map(str.lower, wanted[1:])), columns, strict=True))
     values = np.frombuffer(by_name[VALUE])
     stamps = np.frombuffer(by_name["stamp"]) if "stamp" in by_name else np.full(len(values), np.nan)
+    stamps = in_seconds(np.where(np.isfinite(stamps), stamps, np.nan))
     if motion is not None:
         points = sensor_positions(motion, stamps)
     else:
         points = np.column_stack([np.frombuffer(by_name[name]) for name in ("x", "y")])
-    stamps = np.where(np.isfinite(stamps), stamps, np.nan)
     return checked(points, values, stamps, censored_below=censored_below)
 
 
