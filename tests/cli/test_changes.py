@@ -57,6 +57,27 @@ def test_changes_tells_what_changed_since_a_time_or_a_version(hypermap: Run, off
     assert lines[-1] == "1 moved, 1 gone"
 
 
+def test_changes_says_that_the_history_does_not_reach_back_so_far(
+    hypermap: Run, office: Path
+) -> None:
+    for since, is_known in (("v0", False), ("yesterday", False), ("v1", True), ("v2", True)):
+        said = hypermap("changes", office, "--since", since).err
+        assert ("earlier changes are not known: the history begins with v2, " in said) != is_known
+
+
+def test_a_query_says_when_the_last_object_of_a_name_left_the_map(
+    hypermap: Run, office: Path
+) -> None:
+    # The sofa was removed in version 3, the table renamed in version 2, the first that is known.
+    said = hypermap("query", office, "--name", "sofa", "--last-seen").err
+    assert re.search(r"'sofa' was on the map until 20\S+ \S+ IST \(--as-of v2\)\n", said)
+    found = hypermap("query", office, "--name", "sofa", "--as-of", "v2", "--json").json["answers"]
+    assert len(found) == 1
+    said = hypermap("query", office, "--name", "table").err
+    assert re.search(r"'table' was on the map until 20\S+ \S+ IST\n", said)
+    assert "was on the map" not in hypermap("query", office, "--name", "bed").err
+
+
 def test_a_second_day_says_what_changed_and_how_to_see_it(hypermap: Run, tmp_path: Path) -> None:
     out = tmp_path / "room.hmap"
     for day in (1, 2):

@@ -67,7 +67,7 @@ def command(
         hypermap changes office.hmap --since 7d --name chair --picture chairs.png
         hypermap changes office.hmap --since v3 --json
     """
-    from hypermap.console.moments import changes_since
+    from hypermap.console.moments import changes_since, unknown_since
     from hypermap.formats import open_map
     from hypermap.viewer.picture import check_suffix
 
@@ -80,6 +80,8 @@ def command(
         for revision, change in changes_since(hypermap, since)
         if not names or change.names & set(names)
     ]
+    if since is not None and (unknown := unknown_since(hypermap, since)):
+        note(unknown)
     if as_json:
         rows = [_facts(revision) | described(change) for revision, change in found]
         say_json({"frame_id": hypermap.base_frame, "changes": rows})

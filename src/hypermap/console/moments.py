@@ -76,6 +76,50 @@ def changes_since(
     return [(revision, change) for revision in later for change in revision.changes]
 
 
+def unknown_since(hypermap: Hypermap, moment: str) -> str | None:
+    """Return that a map's history begins after a time or a version; None if it reaches back so far.
+
+    Args:
+        hypermap: a map with a history.
+        moment: as `changes_since` takes it.
+    """
+    assert hypermap.history is not None
+    first_stamp, first = next(iter(hypermap.history.dated()), (0.0, None))
+    if first is None or first.version == 1:
+        return None
+    version = version_in(moment)
+    if version is not None:
+        is_known = version >= first.version - 1
+    else:
+        is_known = parse_moment(moment, "").timestamp() >= first_stamp
+    if is_known:
+        return None
+    return f"earlier changes are not known: the history begins with v{first.version}, {when(first)}"
+
+
+def left_the_map(hypermap: Hypermap, name: str) -> str | None:
+    """Return when the last object of a name left a map, and how to ask for it.
+
+    None if none did, as far as the map's history knows.
+    """
+    last: Revision | None = None
+    before: int | None = None
+    previous: int | None = None
+    for _, revision in () if hypermap.history is None else hypermap.history.dated():
+        if any(_takes_away(change, name) for change in revision.changes):
+            last, before = revision, previous
+        previous = revision.version
+    if last is None:
+        return None
+    ask = "" if before is None else f" (--as-of v{before})"
+    return f"{name!r} was on the map until {when(last)}{ask}"
+
+
+def _takes_away(change: Change, name: str) -> bool:
+    was, now = change.before, change.after
+    return was is not None and was.name == name and (now is None or now.name != name)
+
+
 def when(revision: Revision) -> str:
     """Return when a version was made, as people write it; else its number."""
     return f"v{revision.version}" if revision.time is None else time_of(revision.time)

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.console.moments import map_at
+from hypermap.console.moments import left_the_map, map_at
 from hypermap.console.places import names_rooms, parse_area, parse_point
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
@@ -309,7 +309,8 @@ def _hints(hypermap: Hypermap, given: Options) -> Iterator[str]:
     known = sorted({name for layer in layers for name in layer.table.names_in_use})
     for name in (*(given.get("--name") or ()), given.get("--near"), given.get("--inside")):
         if isinstance(name, str) and name not in known and not _is_place(hypermap, name):
-            yield f"no object is called {name!r}; {did_you_mean(name, known)}"
+            known_before = left_the_map(hypermap, name)
+            yield f"no object is called {name!r}; {known_before or did_you_mean(name, known)}"
     if given.get("--by") == "path":
         yield "what no path leads to is left out"
 

@@ -61,7 +61,8 @@ def test_a_file_without_frame_needs_one_and_a_name_can_be_given() -> None:
         from_geojson(json.dumps(document), path="cups.geojson")
     assert str(error.value) == (
         "cups.geojson: crs: is missing, because GIS programs omit it; if coordinates are meters in "
-        'a frame of the map, name it: --frame map, or frame_id="map" in Python'
+        "a frame of the map, name it: --frame map of `hypermap convert`, or "
+        'frame_id="map" in Python'
     )
     layer = from_geojson(json.dumps(document), frame_id="odom")
     assert (layer.name, layer.frame_id) == ("semantic", "odom")

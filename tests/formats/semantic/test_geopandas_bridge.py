@@ -86,7 +86,8 @@ def test_rows_without_ids_are_numbered_by_the_layer() -> None:
     [
         (lambda frame: frame.set_crs(None, allow_override=True), None,
          "the GeoDataFrame: crs: is missing, because GIS programs omit it; if coordinates are "
-         "meters in a frame of the map, name it: --frame map, or frame_id=\"map\" in Python"),
+         "meters in a frame of the map, name it: --frame map of `hypermap convert`, or "
+         "frame_id=\"map\" in Python"),
         (lambda frame: frame.set_crs(4326, allow_override=True), "map",
          "the GeoDataFrame: crs: coordinates are in WGS 84, not in meters in a frame of the map"),
         (lambda frame: frame.set_crs(32632, allow_override=True), None,

@@ -75,7 +75,7 @@ def frame_of(system: System | None, given: str | None, path: str | None, key: st
     if frame is None:
         raise FormatError(
             "is missing, because GIS programs omit it; if coordinates are meters in a frame of the "
-            'map, name it: --frame map, or frame_id="map" in Python',
+            'map, name it: --frame map of `hypermap convert`, or frame_id="map" in Python',
             path=path,
             key=key,
         )
