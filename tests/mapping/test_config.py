@@ -10,7 +10,7 @@ import pytest
 
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.formats.yaml_text import write_yaml
-from hypermap.mapping.config import load_config, profile, to_dict
+from hypermap.mapping.config import chosen_config, load_config, profile, to_dict
 from hypermap.mapping.stages import EvidenceConfig, KeyframeConfig, OccupancyConfig
 
 
@@ -48,6 +48,23 @@ def test_a_file_overrides_single_values(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["", "# nothing\n", "evidence: {}\n"])
 def test_a_file_without_values_changes_nothing(tmp_path: Path, text: str) -> None:
     assert load_config(write(tmp_path, text)) == profile("default")
+
+
+def test_a_file_may_name_the_profile(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("profile: thesis\nevidence: {loss: 0.1}\n")
+    thesis = profile("thesis")
+    expected = dataclasses.replace(thesis, evidence=dataclasses.replace(thesis.evidence, loss=0.1))
+    assert load_config(path) == expected
+    assert chosen_config(None, path) == chosen_config("thesis", path) == expected
+    assert chosen_config(None, path, has_network=True).perception.min_score == 0.3
+    with pytest.raises(FormatError) as error:
+        chosen_config("default", path)
+    assert str(error.value) == f"{path}: profile: is not 'default', which is asked for"
+    path.write_text("profile: thesiss")
+    with pytest.raises(FormatError) as error:
+        chosen_config(None, path)
+    assert str(error.value).startswith(f"{path}: profile: there is no profile 'thesiss'; did you")
 
 
 @pytest.mark.parametrize("name", ["default", "thesis"])

@@ -64,7 +64,7 @@ def settings_of(
     from hypermap.mapping.going_on import config_to_go_on_with
 
     is_asked = any(given is not None for given in (profile, config, score))
-    asked = chosen_config(profile or "default", config, score, has_network)
+    asked = chosen_config(profile, config, score, has_network)
     if base is None:
         return asked
     with named(onto):

@@ -7,10 +7,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from hypermap.core.errors import FormatError, HypermapError, did_you_mean
+from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.experiments.installed_methods import InstalledMethod, installed_method
-from hypermap.mapping.config import MappingConfig, profile, to_dict
-from hypermap.mapping.overrides import override, read_overrides
+from hypermap.mapping.config import MappingConfig, load_config, profile, to_dict
 
 OURS = "default"
 
@@ -113,13 +112,7 @@ def named_method(word: str) -> tuple[str, Method]:
     path = Path(word)
     if path.suffix.lower() not in (".yaml", ".yml"):
         return word, installed_method(word)
-    values = dict(read_overrides(path))
-    base = values.pop("profile", "default")
-    try:
-        whole = profile(str(base))
-    except ValueError as error:
-        raise FormatError(str(error), path=path, key="profile") from None
-    return path.stem, override(whole, values, path=path)
+    return path.stem, load_config(path)
 
 
 def settings_of(method: Method) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hypermap.core.errors import did_you_mean
+from hypermap.core.errors import FormatError, did_you_mean
 from hypermap.mapping.overrides import override, read_overrides
 from hypermap.mapping.stages import (
     AlignmentConfig,
@@ -82,17 +82,19 @@ def load_config(path: str | Path, base: MappingConfig | None = None) -> MappingC
 
     Args:
         path: a YAML file of stages and their keys, such as `evidence: {loss: 0.1}`.
-        base: where all other values come from; the profile "default" if None.
+        base: where all other values come from; if None, the profile that the file names in its
+            key `profile`, or else "default".
 
     Raises:
         FileMissing: If there is no such file.
         FormatError: If it is not YAML, or a key is unknown, or a value has the wrong type or range.
     """
-    return override(base or profile("default"), read_overrides(Path(path)), path=Path(path))
+    values = dict(read_overrides(Path(path)))
+    return override(base or _profile_for(None, values, Path(path)), values, path=Path(path))
 
 
 def chosen_config(
-    name: str,
+    name: str | None = None,
     path: str | Path | None = None,
     score: float | None = None,
     has_network: bool = False,
@@ -100,7 +102,7 @@ def chosen_config(
     """Return the configuration that a user asks for.
 
     Args:
-        name: the profile.
+        name: the profile; None takes that of the file, or else "default".
         path: a YAML file with values that differ (see `load_config`).
         score: detections below it are dropped; None takes the value of the file or the profile.
         has_network: whether the detections come from a network. Then
@@ -110,12 +112,26 @@ def chosen_config(
         ValueError: If there is no such profile, or the score is out of range.
         HypermapError: As `load_config` does.
     """
-    config = profile(name)
+    file = None if path is None else Path(path)
+    values = {} if file is None else dict(read_overrides(file))
+    config = _profile_for(name, values, file)
     if has_network:
         config = _with_score(config, max(config.perception.min_score, _LEAST_SCORE))
-    if path is not None:
-        config = load_config(path, config)
+    config = override(config, values, path=file)
     return config if score is None else _with_score(config, score)
+
+
+def _profile_for(name: str | None, values: dict[str, Any], file: Path | None) -> MappingConfig:
+    """Return the profile of a name, or that which a file's values name, and take its name out."""
+    named = values.pop("profile", None)
+    if named is None:
+        return profile(name or "default")
+    if name not in (None, named):
+        raise FormatError(f"is not {name!r}, which is asked for", path=file, key="profile")
+    try:
+        return profile(str(named))
+    except ValueError as error:
+        raise FormatError(str(error), path=file, key="profile") from None
 
 
 def _with_score(config: MappingConfig, score: float) -> MappingConfig:

@@ -214,7 +214,7 @@ def _config(values: Mapping[str, Any], file: Path | None, path: Path, place: str
     if file is not None:
         read_overrides(file)
     try:
-        return chosen_config(values.get("profile") or "default", file, None, has_network)
+        return chosen_config(values.get("profile"), file, None, has_network)
     except ValueError as error:
         raise FormatError(str(error), path=path, key=f"{place}: profile") from None
 

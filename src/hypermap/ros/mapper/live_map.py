@@ -323,7 +323,8 @@ def _map_to_go_on_with(settings: LiveSettings) -> Hypermap | None:
 def _config(settings: LiveSettings, onto: Hypermap | None) -> MappingConfig:
     score = None if settings.score < 0 else settings.score
     has_network = bool(settings.detector)
-    asked = chosen_config(settings.profile, settings.config or None, score, has_network)
+    name = None if settings.profile == "default" else settings.profile  # `config` may name another
+    asked = chosen_config(name, settings.config or None, score, has_network)
     if onto is None:
         return asked
     is_asked = not settings.origins.keys().isdisjoint(("profile", "config", "score"))
