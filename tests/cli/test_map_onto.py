@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 
 import pytest
+import shapely
 
-from hypermap.formats import open_map
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.formats import open_map, save_map
 
 from .conftest import INTRINSICS, assert_one_error, objects_in, write_drive
 
@@ -36,6 +38,20 @@ def test_a_drive_in_two_parts_gives_the_map_of_the_whole_drive(hypermap, tmp_pat
     assert again.code == 0
     assert f"{out} already contains drive: nothing new, the map is unchanged" in again.err
     assert out.read_bytes() == before
+
+
+def test_rooms_and_zones_of_the_map_are_not_counted_as_objects(hypermap, drive, tmp_path):
+    out, options = tmp_path / "out.hmap", ("--intrinsics", INTRINSICS)
+    first = hypermap("map", drive, *options, "-o", out)
+    office = open_map(out)
+    zone = SemanticObject("cleaning", shapely.box(0, 0, 1, 1))
+    office.add(SemanticLayer("zones", "map", [zone]))
+    save_map(office, out)
+    other = write_drive(tmp_path / "other", frames=7)
+    again = hypermap("map", other, *options, "--onto", out, "-o", out)
+    assert again.code == 0
+    (counts,) = (line for line in first.err.splitlines() if "1 object" in line)
+    assert counts in again.err.splitlines()
 
 
 def test_a_map_that_replaces_another_says_how_to_continue_it(hypermap, drive, tmp_path):

@@ -104,24 +104,19 @@ def _drop_evidence(hypermap: Hypermap) -> None:
 
 def summarize(hypermap: Hypermap, output: Path, onto: Path | None) -> None:
     """Say what is in the saved map, what is new in it since `onto`, and what to try next."""
-    from hypermap.core.semantic import SemanticLayer
+    from hypermap.mapping.going_on import layer_of_objects
 
-    names = Counter(
-        name
-        for layer in hypermap.layers
-        if isinstance(layer, SemanticLayer)
-        for name in layer.names
-    )
+    layer = layer_of_objects(hypermap)
+    names = Counter[str]() if layer is None else Counter(map(str, layer.names))
     listed = ", ".join(f"{count} {printable(name)}" for name, count in names.most_common())
-    has_objects = any(isinstance(layer, SemanticLayer) for layer in hypermap.layers)
-    if has_objects:
+    if layer is not None:
         note(counted(names.total(), "object") + (f": {listed}" if listed else ""))
     version = None if onto is None else _note_changes(hypermap, onto)
     note(f"saved {output}")
     made, picture = str(output), str(output.with_suffix(".png"))
     note("\nnow try:  " + shlex.join(["hypermap", "view", made]))
     note("          " + shlex.join(["hypermap", "render", made, "-o", picture]))
-    if has_objects:
+    if layer is not None:
         name = printable(next(iter(names), "chair"))
         note("          " + shlex.join(["hypermap", "query", made, "--name", name, "--nearest"]))
     if version is not None:
