@@ -25,5 +25,6 @@ def in_seconds(stamps: NDArray[np.float64]) -> NDArray[np.float64]:
     >>> in_seconds(np.array([2.5, 1_700_000_000.25, 1_700_000_000_250_000_000])).tolist()
     [2.5, 1700000000.25, 1700000000.25]
     """
-    ticks = [stamps > EARLIEST * ticks for ticks in _TICKS]
-    return stamps / np.select(ticks, _TICKS, 1.0)
+    is_counted = [stamps > EARLIEST * ticks for ticks in _TICKS]
+    ticks: NDArray[np.float64] = np.select(is_counted, _TICKS, 1.0)
+    return stamps / ticks

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image, ImageFile, UnidentifiedImageError
 
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.pictures import MOST_SCANS, START_OF_JPEG, scans_of
@@ -122,7 +122,7 @@ def seen_by(
 
 
 @contextmanager
-def _opened(content: bytes) -> Iterator[Image.Image]:
+def _opened(content: bytes) -> Iterator[ImageFile.ImageFile]:
     """Yield an image of limited size; any damage becomes a FormatError."""
     if content.startswith(START_OF_JPEG) and (scans := scans_of(content)) > MOST_SCANS:
         raise FormatError(f"the picture has {scans} scans; at most {MOST_SCANS} are read")
