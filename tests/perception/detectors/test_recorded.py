@@ -50,6 +50,12 @@ def test_a_stamp_that_was_rounded_is_found(recorded: RecordedDetections) -> None
     assert recorded.missed == 0
 
 
+def test_a_file_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    path = tmp_path / "detections.json"
+    path.write_text('{"frames": {"2.5": []}}', encoding="utf-8-sig")
+    assert RecordedDetections.load(path).stamps == (2.5,)
+
+
 def test_stamps_may_be_nanoseconds_as_in_the_lists_of_images(tmp_path: Path) -> None:
     cup = {"box": [1, 2, 3, 4], "name": "cup", "score": 0.5}
     path = tmp_path / "detections.json"

@@ -12,6 +12,7 @@ mask, in COCO's uncompressed form, may be left out.
 
 from __future__ import annotations
 
+import codecs
 import logging
 import math
 from bisect import bisect_left, insort
@@ -114,7 +115,8 @@ class RecordedDetections:
         if path.stat().st_size > MAX_BYTES:
             raise FormatError(f"detections take at most {MAX_BYTES} bytes", path=path)
         try:
-            content = _File.model_validate_json(path.read_bytes())
+            text = path.read_bytes().removeprefix(codecs.BOM_UTF8)
+            content = _File.model_validate_json(text)
         except ValidationError as error:
             first = error.errors()[0]
             raise FormatError(_problem(first), path=path, key=_key_of(first["loc"])) from error
