@@ -170,7 +170,8 @@ class EvidenceMap:
 
         Args:
             ids: only these; None for all. Only with None are objects landmarks for each other
-                (`landmarks`), parts of one joined, and is there one class per place (`slip`).
+                (`landmarks`), parts of one joined, do no two share floor (`exclusive`), and is
+                there one class per place (`slip`).
         """
         return self._as_published().objects(ids)
 
@@ -189,10 +190,10 @@ class EvidenceMap:
         Args:
             name: of the layer.
             frame_id: its frame.
-            is_final: whether objects are landmarks for each other (`landmarks`), and of those in
-                one place, one is left out. False is faster: only shapes whose evidence has changed
-                are fused again, and what the last final layer left out stays so. Parts of one
-                object are joined in both.
+            is_final: whether objects are landmarks for each other (`landmarks`), no two share floor
+                (`exclusive`), and of those in one place, one is left out. False is faster: only
+                shapes whose evidence has changed are fused again, and what the last final layer
+                left out stays so. Parts of one object are joined in both.
         """
         published = self._as_published()
         ids = {number for number, _, _ in published.summary()}

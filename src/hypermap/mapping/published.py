@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,9 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.history.differences import MOVE
 from hypermap.mapping.class_posterior import one_class_per_place
 from hypermap.mapping.completion import FreeShare, completed
+from hypermap.mapping.contested import own_floor
 from hypermap.mapping.doubles import without_doubles
+from hypermap.mapping.evidence_buffer import EvidenceBuffer
 from hypermap.mapping.evidence_table import lazy_evidence_table
 from hypermap.mapping.fusion import FUSIONS, votes
 from hypermap.mapping.landmarks import landmark_moves
@@ -26,6 +28,7 @@ from hypermap.mapping.parts import joined_parts
 from hypermap.mapping.probability import probability
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable, are_two
+from hypermap.mapping.votes import votes_at
 
 _BEYOND_DOUBT = 10.0  # objects with more existence than this are always probable
 _OFTEN_MISSED = 0.5  # least probability of those that are in the map although they are often missed
@@ -86,8 +89,9 @@ class PublishedTracks:
             if any(shift.any() for shift in shifts):
                 found = self._without_doubles(found)
         else:
+            shifts = [np.zeros((len(track.buffer), 2)) for track in tracks]
             found = [self._published(row) for row in rows]
-        found = self._joined(found)
+        found = self._on_own_floor(self._joined(found), found, shifts)
         if self.config.slip >= 1:
             return found
         return one_class_per_place(found, self.config.slip, self.tracks.hand_edits())
@@ -115,6 +119,41 @@ class PublishedTracks:
         """Return the objects without second ones in the same places; see `without_doubles`."""
         edited = self.tracks.hand_edits()
         return without_doubles(found, self._may_be_one, self.config.min_overlap, edited)
+
+    def _on_own_floor(
+        self,
+        joined: list[SemanticObject],
+        found: list[SemanticObject],
+        shifts: Sequence[NDArray[np.float64]],
+    ) -> list[SemanticObject]:
+        """Return the objects, of which no two share floor; see `own_floor`.
+
+        Args:
+            joined: the objects.
+            found: the same before parts were joined; what has taken in others does not change.
+            shifts: translations of the evidence of each track [m], shapes (N, 2).
+        """
+        if not (self.config.exclusive and self.config.fusion == "votes"):
+            return joined
+        buffers = {
+            track.id: (track.buffer, shift)
+            for track, shift in zip(self.tracks.objects, shifts, strict=True)
+        }
+
+        def votes_of(one: int, points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+            buffer, shift = buffers[one]
+            return votes_at(buffer, self.config, shift, points_xy)
+
+        as_found = set(map(id, found))
+        whole = {item.id for item in joined if id(item) not in as_found}
+        fixed = whole.union(self.tracks.hand_edits())
+        own = own_floor(joined, self._may_be_one, votes_of, self.config.vote_share, fixed)
+        return [
+            replace(item, footprint=self._completed(own[item.id], item.name, buffers[item.id][0]))
+            if item.id in own
+            else item
+            for item in joined
+        ]
 
     def _may_be_one(self, one: int, other: int) -> bool:
         """Return whether two ids may be one object: not if many frames show both tracks."""
@@ -170,12 +209,14 @@ class PublishedTracks:
             fused = FUSIONS[self.config.fusion](track.buffer, self.config)
         else:
             fused = self.tracks.shapes.polygons[row]
+        return self._completed(fused.geometry, track.name, track.buffer)
+
+    def _completed(self, shape: BaseGeometry, name: str, buffer: EvidenceBuffer) -> BaseGeometry:
+        """Return a shape with what was not seen of it, if the configuration says so."""
         if self.config.completion != "class_depth":
-            return fused.geometry
-        cameras_xy = np.array([item.map_T_camera[:2, 3] for item in track.buffer.items])
-        return completed(
-            fused.geometry, track.name, cameras_xy, self.is_free, self.config.class_depths
-        )
+            return shape
+        cameras_xy = np.array([item.map_T_camera[:2, 3] for item in buffer.items])
+        return completed(shape, name, cameras_xy, self.is_free, self.config.class_depths)
 
     def _published(self, row: int, shifts: NDArray[np.float64] | None = None) -> SemanticObject:
         """Return a track as users of the map see it, its footprints moved by `shifts`."""

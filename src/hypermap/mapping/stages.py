@@ -90,7 +90,7 @@ class EvidenceConfig:
             evidence to the best match, and merges tracks whose fused shapes match.
         exclusive: whether two observed shapes of a class in one frame are two objects: they are
             never associated with one track, and tracks that many frames show together are not
-            merged.
+            merged, nor do their published shapes by "votes" share floor.
         max_growth: with `exclusive`, tracks that any frame shows together are merged only if both
             are at most this times as long as the longest view of them, or as most views of their
             class, and likewise their area (by its square). Published parts of one object are joined

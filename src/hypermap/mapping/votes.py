@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from hypermap._loops import inner_loop, loop
-from hypermap.core.arrays import BoolArray, IntArray
+from hypermap.core.arrays import BoolArray, IntArray, as_objects
 from hypermap.mapping.evidence_buffer import EvidenceBuffer
 from hypermap.mapping.prepared_polygon import Box
 from hypermap.mapping.stages import EvidenceConfig
@@ -40,6 +41,42 @@ def agreed_corners(
         The corners of the convex hull of these cells in the map frame [m], clockwise from the left
         one of the lowest back to it, shape (M, 2); M is 0 if no cell belongs to the object.
     """
+    corners_xy, _, _ = _vote(buffer, config, shifts)
+    return corners_xy
+
+
+def votes_at(
+    buffer: EvidenceBuffer,
+    config: EvidenceConfig,
+    shifts: NDArray[np.float64],
+    points_xy: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the votes for some places, and the votes cast on them, as in `agreed_corners`.
+
+    Args:
+        buffer: the evidence.
+        config: the settings.
+        shifts: translations applied to the footprints first [m], shape (N, 2).
+        points_xy: the places in the map frame [m], shape (P, 2).
+
+    Returns:
+        Shape (2, P); no place has more votes than were cast on it.
+    """
+    _, moves, weights = _vote(buffer, config, shifts)
+    areas = as_objects(item.visible_area for item in buffer.items)
+    shapely.prepare(areas)
+    votes, cast = np.zeros((2, len(points_xy)))
+    for shape, move, area, weight in zip(buffer.footprints(), moves, areas, weights, strict=True):
+        votes += weight * shapely.contains_xy(shape, points_xy - move)
+        cast += weight if area.is_empty else weight * shapely.contains_xy(area, points_xy)
+    # A view has seen its own footprint, even if its visible area is a little smaller.
+    return np.vstack([votes, np.maximum(cast, votes)])
+
+
+def _vote(
+    buffer: EvidenceBuffer, config: EvidenceConfig, shifts: NDArray[np.float64] | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return what `agreed_corners` does, the translations of the footprints, and their weights."""
     count, views = len(buffer), buffer.views
     shifts = np.zeros((count, 2)) if shifts is None else shifts
     limits = config.half_weight, config.align, config.vote_resolution, config.vote_share
@@ -50,7 +87,7 @@ def agreed_corners(
         given = views.seen, views.edges, views.near, views.counts, views.box, buffer.centroids
         found, *box = _agreed(*given, shifts, limits, *room, *grid, corners)
         if found >= 0:
-            return corners[:found]
+            return corners[:found], room[1][0], room[2]
         views.look_at((box[0], box[1], box[2], box[3]), buffer.items)
 
 
