@@ -125,6 +125,7 @@ def test_corrected_poses_move_the_map_without_its_recording(hypermap, drive, tmp
     ("options", "reason"),
     [
         (["--onto", "MAP", "--poses", "LATER"], "LATER: the poses, from 1000000000.000000"),
+        (["--onto", "MAP", "--poses", "SPARSE"], "100.500000 s: there are gaps of more than 1 s"),
         (["--onto", "MAP", "--poses", "BROKEN"], "expected 8 numbers"),
         (["--onto", "MAP"], "give a RECORDING, or --onto MAP with --poses FILE"),
         (["--poses", "LATER"], "corrects the frames of a map; name it with --onto"),
@@ -141,6 +142,8 @@ def test_poses_that_are_not_of_the_map_change_nothing(
     before = out.read_bytes()
     files = {"MAP": out, "ROOM": room_map, "LATER": tmp_path / "LATER", "BROKEN": tmp_path / "B"}
     files["LATER"].write_text("1e9 0 0 0 0 0 0 1\n1000000001 0 0 0 0 0 0 1\n")
+    files["SPARSE"] = tmp_path / "SPARSE"
+    files["SPARSE"].write_text("99 0 0 0 0 0 0 1\n102 0 0 0 0 0 0 1\n")
     files["BROKEN"].write_text("1 2 3\n")
     result = hypermap("map", *(files.get(one, one) for one in options), "-o", out)
     assert_one_error(result, reason)

@@ -219,13 +219,20 @@ def test_a_layer_is_made_again_and_gets_more_samples(hypermap, warm, table, tmp_
     answer = hypermap("values", warm, "--method", "nearest", "-o", again, "--json").json
     assert (answer["samples"], answer["made_by"]["method"], answer["unit"]) == (60, "nearest", "°C")
     assert [layer.name for layer in open_map(again)] == [layer.name for layer in open_map(warm)]
-    joined = tmp_path / "joined.hmap"
-    more = (table, "--onto", warm, "-o", joined, "--sample-unit", "degF", "--json")
-    answer = hypermap("values", *more, "--add", "--method", "nearest").json
-    assert (answer["samples"], answer["unit"]) == (120, "°C")
+    joined, later = tmp_path / "joined.hmap", tmp_path / "later.csv"
+    # Ten samples are those of the map, the others were taken elsewhere at the same times.
+    head, *rows = table.read_text().splitlines()
+    moved = [f"{float(x) - 0.01:.3f},{rest}" for x, rest in (row.split(",", 1) for row in rows)]
+    later.write_text("\n".join([head, *rows[:10], *moved[10:]]))
+    more = (later, "--onto", warm, "-o", joined, "--sample-unit", "degF", "--json")
+    added = hypermap("values", *more, "--add", "--method", "nearest", "--quantity", "temperature")
+    assert "temperature: 10 samples already in the map" in added.err
+    answer = added.json
+    assert (answer["samples"], answer["unit"]) == (110, "°C")
     assert answer["max"] == pytest.approx(24)
     assert_one_error(
-        hypermap("values", *more, "--force"), "already has a layer 'temperature'; give --add"
+        hypermap("values", *more, "--force", "--quantity", "temperature"),
+        "already has a layer 'temperature'; give --add",
     )
 
 

@@ -146,6 +146,7 @@ def joined(
         HypermapError: If `add` is set and there is no such layer, or the other way round.
     """
     from hypermap.values import value_layer_called
+    from hypermap.values.on_map import unlike
 
     if name not in hypermap and not add:
         return measured.in_unit(unit, sample_unit)
@@ -158,8 +159,11 @@ def joined(
         )
     layer = value_layer_called(hypermap, name)
     measured = measured.in_unit(unit or layer.unit, sample_unit)
-    before = _kept(hypermap, layer, frame).in_unit(measured.unit)
-    return replace(measured, samples=before.samples.joined(measured.samples))
+    kept = _kept(hypermap, layer, frame).in_unit(measured.unit).samples
+    new = unlike(measured.samples, kept)
+    if len(new) < len(measured.samples):
+        note(f"{name}: {counted(len(measured.samples) - len(new), 'sample')} already in the map")
+    return replace(measured, samples=kept.joined(new))
 
 
 def _kept(

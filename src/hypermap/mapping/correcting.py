@@ -131,9 +131,11 @@ def corrected_poses(
             )
     if not is_covered.any():
         known = f", from {stamps.min():.6f} to {stamps.max():.6f} s" if len(stamps) else ""
+        is_between = bool(((begin <= stamps) & (stamps <= end)).any())
+        gaps = f": there are gaps of more than {trajectory.max_gap:g} s" if is_between else ""
         raise CannotCorrect(
             f"the poses, from {begin:.6f} to {end:.6f} s, are of none of the {len(stamps)} frames "
-            f"that the map keeps for this{known}"
+            f"that the map keeps for this{known}{gaps}"
         )
     poses[is_covered] = _moved_along(stamps[is_covered], poses[is_covered], trajectory)
     if not (np.abs(poses[:, :3, 3]) <= FARTHEST_POSE).all():

@@ -65,6 +65,16 @@ def new_among(samples: Samples, kept: Samples) -> Samples:
     return samples.chosen(~np.isin(samples.stamps, kept.stamps))
 
 
+def unlike(samples: Samples, kept: Samples) -> Samples:
+    """Return the samples that do not equal others in time, place and value; all without a stamp."""
+    rows, known = (
+        list(map(tuple, np.column_stack([each.stamps, each.points_xy, each.values]).tolist()))
+        for each in (samples, kept)
+    )
+    among = set(known)  # no row with a NaN equals another one
+    return samples.chosen(np.array([row not in among for row in rows], dtype=bool))
+
+
 def made_of(
     name: str,
     samples: Samples,
