@@ -78,6 +78,16 @@ def test_a_query_says_when_the_last_object_of_a_name_left_the_map(
     assert "was on the map" not in hypermap("query", office, "--name", "bed").err
 
 
+def test_all_changes_are_known_of_a_map_that_began_empty(hypermap: Run, tmp_path: Path) -> None:
+    path = tmp_path / "live.hmap"
+    begun = Hypermap([SemanticLayer("semantic", "map")])
+    begin_history(begun)
+    begun.metadata["map_version"] = 6  # as of a live node, which saves often
+    begun.semantic().add([SemanticObject("chair", shapely.box(0, 0, 1, 1))])
+    save_map(begun, path)
+    assert hypermap("changes", path, "--since", "v1").err == ""
+
+
 def test_a_second_day_says_what_changed_and_how_to_see_it(hypermap: Run, tmp_path: Path) -> None:
     out = tmp_path / "room.hmap"
     for day in (1, 2):

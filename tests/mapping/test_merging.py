@@ -28,6 +28,7 @@ from hypermap import (
 )
 from hypermap.core.frames import FrameTree
 from hypermap.core.pictures import best_pictures
+from hypermap.history import as_of
 from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.going_on import CannotGoOn
@@ -213,6 +214,25 @@ def test_a_merged_map_can_be_continued_saved_and_merged(tmp_path: Path) -> None:
     assert objects_of(third).keys() == {"table", "plant"}
     fourth = merge_maps(again, mapped(frames("table", "plant"), later=3 * DAY), Pose2D())
     assert len(fourth.hypermap.metadata["drives"]) == 3
+
+
+def test_what_a_merge_has_changed_is_of_the_day_of_the_other_map(tmp_path: Path) -> None:
+    monday = 19_000 * DAY
+    first = changed(mapped(frames(*ALL), later=monday), tmp_path / "monday.hmap")
+    other = mapped(frames(*MOVED), later=monday + DAY)
+    merged = merge_maps(first, other, Pose2D()).hypermap
+    third = mapped(frames(*MOVED), later=monday + 2 * DAY)
+    for last, hypermap in (
+        ("day 19001", merged),
+        ("day 19001, day 19002", merge_maps(merged, third, Pose2D()).hypermap),
+    ):
+        week = changed(hypermap, tmp_path / "week.hmap")
+        assert week.history is not None
+        revision = week.history.revisions()[-1]
+        assert revision.drive == last
+        assert revision.time == max(thing.last_seen or 0 for thing in week.semantic())
+        then = objects_of(as_of(week, monday + DAY / 2))["chair"]
+        assert centroid(then) == centroid(objects_of(first)["chair"])
 
 
 def test_poses_of_one_map_may_be_corrected_and_those_of_the_other_not() -> None:

@@ -10,7 +10,7 @@ from datetime import datetime
 from hypermap.core.errors import HypermapError
 from hypermap.core.history import Change, Revision
 from hypermap.core.hypermap import Hypermap
-from hypermap.history import as_of, at_version, check_version
+from hypermap.history import as_of, at_version, check_version, is_known_from_the_beginning
 from hypermap.questions.times import parse_moment, time_of
 
 
@@ -85,7 +85,7 @@ def unknown_since(hypermap: Hypermap, moment: str) -> str | None:
     """
     assert hypermap.history is not None
     first_stamp, first = next(iter(hypermap.history.dated()), (0.0, None))
-    if first is None or first.version == 1:
+    if first is None or is_known_from_the_beginning(hypermap):
         return None
     version = version_in(moment)
     if version is not None:

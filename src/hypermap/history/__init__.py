@@ -3,7 +3,12 @@
 from hypermap.history.differences import differences
 from hypermap.history.expiry import EXPIRES, expiry_of, in_force, next_expiry
 from hypermap.history.grown import begin_history, begun, grown, keeps_history, version_of
-from hypermap.history.past import as_of, at_version, check_version
+from hypermap.history.past import (
+    as_of,
+    at_version,
+    check_version,
+    is_known_from_the_beginning,
+)
 from hypermap.history.policy import POLICY, HistoryPolicy
 
 __all__ = [
@@ -19,6 +24,7 @@ __all__ = [
     "expiry_of",
     "grown",
     "in_force",
+    "is_known_from_the_beginning",
     "keeps_history",
     "next_expiry",
     "version_of",

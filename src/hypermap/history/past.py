@@ -49,6 +49,15 @@ def at_version(hypermap: Hypermap, version: int) -> Hypermap:
     return _with_values_at(past, stamp)
 
 
+def is_known_from_the_beginning(hypermap: Hypermap) -> bool:
+    """Return whether a map's history goes back to when there was no object on it."""
+    revisions = [] if hypermap.history is None else list(hypermap.history.revisions())
+    if not revisions or any(revision.follows_loss for revision in revisions):
+        return False
+    past = _without(hypermap, revisions, 0)
+    return all(len(layer) == 0 for layer in past if isinstance(layer, SemanticLayer))
+
+
 def check_version(hypermap: Hypermap, version: int) -> None:
     """Refuse a version that a map does not have yet.
 

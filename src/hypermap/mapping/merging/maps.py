@@ -19,6 +19,7 @@ from hypermap.alignment.frames import (
 from hypermap.core.errors import FrameError
 from hypermap.core.frames import FrameTree, Pose2D
 from hypermap.core.grid import GridGeometry, along
+from hypermap.core.history import Mapped
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
@@ -126,8 +127,22 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     )
     merged.mapper_state, merged.history = dump_state(state), first.history
     hypermap = Mapper.onto(merged, None).hypermap()
+    assert hypermap.history is not None  # of a mapper's map
+    hypermap.history = replace(hypermap.history, mapped=_source(first, b.drives))
     counted = _counted(hypermap, (first, second), joined, others.renamed)
     return replace(counted, settings=settings)
+
+
+def _source(first: Hypermap, drives: Iterable[Drive]) -> Mapped:
+    """Return what the changes come from, by the names and the last time of the second map's drives.
+
+    What was merged with the first map, and not saved since, counts, too.
+    """
+    before = None if first.history is None else first.history.mapped
+    sources = [] if before is None else [(before.drive, before.time)]
+    sources += [(drive.name, drive.time) for drive in drives]
+    times = [time for _, time in sources if time is not None]
+    return Mapped(", ".join(name for name, _ in sources if name), max(times, default=None))
 
 
 def _check_drives(first: Iterable[Drive], second: Iterable[Drive]) -> None:
