@@ -40,6 +40,20 @@ def test_a_drive_in_two_parts_gives_the_map_of_the_whole_drive(hypermap, tmp_pat
     assert out.read_bytes() == before
 
 
+def test_a_map_in_a_frame_of_another_name_is_continued_if_the_poses_are_in_it(
+    hypermap, drive, tmp_path
+):
+    out, options = tmp_path / "out.hmap", ("--intrinsics", INTRINSICS)
+    frame = ("--map-frame", "map_2")  # as `align` renames that of the second map
+    assert hypermap("map", drive, *options, *frame, "-o", out).code == 0
+    other = write_drive(tmp_path / "other", frames=7)
+    arguments = ("map", other, *options, "--onto", out, "-o", out)
+    refused = hypermap(*arguments)
+    assert refused.code == 2
+    assert "in that one, too, give --map-frame map_2" in refused.err
+    assert hypermap(*arguments, *frame).code == 0
+
+
 def test_rooms_and_zones_of_the_map_are_not_counted_as_objects(hypermap, drive, tmp_path):
     out, options = tmp_path / "out.hmap", ("--intrinsics", INTRINSICS)
     first = hypermap("map", drive, *options, "-o", out)

@@ -159,7 +159,8 @@ class Mapper:
         if frame_id is not None and frame_id != hypermap.base_frame:
             raise CannotGoOn(
                 f"the poses are in the frame {frame_id!r}, and the map in {hypermap.base_frame!r}; "
-                "mapping can only continue a map in its own frame"
+                "mapping can only continue a map in its own frame; if the poses are in that one, "
+                f"too, give --map-frame {hypermap.base_frame}"
             )
         state = state_of(hypermap, own_config)
         occupancy = None
