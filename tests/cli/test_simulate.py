@@ -111,6 +111,7 @@ def test_a_bag_of_large_images_with_errors_from_a_file(world: Path, tmp_path: Pa
     ("options", "message"),
     [
         (["ofice"], "there is no world 'ofice'; did you mean 'office'?; or name a world file"),
+        (["still.yaml"], "still.yaml: drive: is missing, so there is nothing to record"),
         (["nowhere.yaml"], "nowhere.yaml: there is no such world file"),
         (["demo", "--errors", "robt"], "there is no level of errors 'robt'"),
         (["demo", "--sensor", "kinect"], "there is no preset of a depth camera 'kinect'; did you"),
@@ -123,6 +124,7 @@ def test_what_cannot_be_simulated_is_said(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("e.yaml").write_text("detector: {mis: 1}", encoding="utf-8")
+    Path("still.yaml").write_text("".join(WORLD.splitlines(True)[:-1]), encoding="utf-8")
     done = hypermap("simulate", *options, "-o", "out")
     assert done.returncode == 2
     assert message in done.stderr

@@ -10,7 +10,7 @@ import typer
 
 from hypermap.cli.progress import counting
 from hypermap.cli.terminal import say
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import FormatError, HypermapError
 
 if TYPE_CHECKING:
     from hypermap.perception.frame import Camera
@@ -168,11 +168,24 @@ def _ends(change: WorldChange) -> list[WorldObject]:
 
 
 def world_of(name: str) -> World:
-    """Return a world that comes with the package, or the one that a file describes."""
+    """Return a world that comes with the package, or the one that a file describes.
+
+    Raises:
+        HypermapError: If there is none, its file is wrong, or nothing drives through it.
+    """
     from hypermap.simulation.world import built_in_world, load_world
 
     is_file = Path(name).suffix in (".yaml", ".yml") or Path(name).is_file()
-    return load_world(name) if is_file else built_in_world(name)
+    if not is_file:
+        return built_in_world(name)
+    world = load_world(name)
+    if world.drive is None:
+        raise FormatError(
+            "is missing, so there is nothing to record; give at least its waypoints",
+            path=name,
+            key="drive",
+        )
+    return world
 
 
 def errors_of(name: str, sensor: str) -> Errors:
