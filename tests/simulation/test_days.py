@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 
@@ -48,6 +49,12 @@ def test_each_kind_of_change_is_what_it_says() -> None:
             assert change.before.label == change.after.label
         elif change.kind == "removed":
             assert change.after is None
+
+
+def test_where_there_is_nothing_only_doors_change() -> None:
+    world = built_in_world("demo")
+    bare = Day.first(dataclasses.replace(world, objects=()))
+    assert {change.kind for change in next_day(bare, 0).changes} <= {"door"}
 
 
 def test_the_same_seed_gives_the_same_day() -> None:

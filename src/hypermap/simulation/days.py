@@ -242,6 +242,8 @@ class _Draft:
 
     def _unchanged(self, room: Room) -> list[int]:
         """Return a thing on the floor, with the things on it, if it is unchanged so far."""
+        if not room.objects:
+            return []
         group = room.group_of(int(self._rng.integers(len(room.objects))))
         changed = {change.thing for change in self._changes}
         return [] if any(self._things[i] in changed for i in group) else group

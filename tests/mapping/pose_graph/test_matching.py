@@ -88,6 +88,17 @@ def test_a_place_that_looks_the_same_elsewhere_is_not_found() -> None:
     assert Matcher(views, ways).find(poses, 1, 3, np.array([1.5, 0.3])) == []
 
 
+@pytest.mark.parametrize("bare", [1, 4])
+def test_no_place_is_found_where_no_surface_is_upright(bare: int) -> None:
+    hall = ((-90.0, -90.0, 0.0), (90.0, 90.0, 30.0))
+    views = [view(1.2 + 0.2 * i, 1.0, 2 * i) for i in range(5)]
+    views[bare] = view(1.2, 1.0, 0, room=hall, boxes=())
+    assert len(views[bare].upright) == 0
+    poses = np.array([each.pose for each in views])
+    ways = [0.0, 20.0, 40.0, 60.0, 80.0]
+    assert Matcher(views, ways).find(poses, 1, 4, np.array([1.5, 0.5])) == []
+
+
 def test_a_search_finds_the_best_place_of_all() -> None:
     points = view(1.2, 1.0, 0).upright.astype(float)
     place = Surroundings(points)

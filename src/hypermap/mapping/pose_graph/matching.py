@@ -77,9 +77,10 @@ class Matcher:
         """
         start, reach = between(poses[a], poses[b]), np.maximum(reach, _LEAST_REACH)
         part = self._part(a)
-        surroundings = Surroundings(self._surfaces(poses, a, part))
-        sought = self._surfaces(poses, b, self._part(b))
-        found = surroundings.place_of(sought, start, reach, _LEAST_SCORE)
+        known, sought = self._surfaces(poses, a, part), self._surfaces(poses, b, self._part(b))
+        if not len(known) or not len(sought):  # as in a hall whose walls are out of range
+            return []
+        found = Surroundings(known).place_of(sought, start, reach, _LEAST_SCORE)
         if found is None or found.other > _MOST_OTHER * found.score:
             return []
         map_T_b = compose(poses[a], found.a_T_b)
