@@ -127,7 +127,7 @@ def test_where_two_places_fit_neither_is_chosen() -> None:
     walls, pose = HALL.exterior, Pose2D(1.0, 1.0, 0.4)
     plain = drawn(Pose2D(), HALL, walls)
     turned = drawn(pose, HALL, walls)
-    with pytest.raises(NotAligned, match=r"several poses match.*give --initial"):
+    with pytest.raises(NotAligned, match=r"several poses match.*give `hypermap align` --initial"):
         align(plain, turned)
     about = Pose2D(1.3, 0.8, 0.5)
     assert_is(align(plain, turned, initial=about).a_T_b, pose, center=(3, 2))
@@ -165,8 +165,10 @@ def test_maps_without_walls_are_refused() -> None:
     with pytest.raises(HypermapError, match="'occupancy' is empty"):
         align(empty, empty)
     unknown = OccupancyLayer("occupancy", "map", GridGeometry(1, 1, 0.05), np.array([[-1]]))
-    with pytest.raises(HypermapError, match="no occupied cells"):
+    with pytest.raises(HypermapError, match=r"the first map: .* no occupied cells"):
         align(Hypermap([unknown]), Hypermap([unknown]))
+    with pytest.raises(HypermapError, match=r"the second map: .* no occupied cells"):
+        align(drawn(Pose2D()), Hypermap([unknown]))
     with pytest.raises(HypermapError):
         align(Hypermap(), Hypermap())
 

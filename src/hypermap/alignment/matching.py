@@ -94,7 +94,7 @@ def align(
         NotAligned: If no pose matches well enough, or several match about equally.
         HypermapError: If a map has no occupancy layer, or an empty one.
     """
-    a, b = scan_of(first, layers[0]), scan_of(second, layers[1])
+    a, b = _scan("first", first, layers[0]), _scan("second", second, layers[1])
     fits = _refined(a, b, _candidates(a, b, initial))
     if not fits:
         raise NotAligned("no pose was found in which the maps overlap")
@@ -106,6 +106,13 @@ def align(
     found = Alignment(best.pose, best.agreement, best.overlap, best.objects, certainty, best.others)
     _check(found, _LEAST_IF_BENT if is_bent else _LEAST_AGREEMENT)
     return found
+
+
+def _scan(which: str, hypermap: Hypermap, layer: str | None) -> Scan:
+    try:
+        return scan_of(hypermap, layer)
+    except HypermapError as error:
+        raise HypermapError(f"the {which} map: {error}") from None
 
 
 def _check(found: Alignment, least_agreement: float) -> None:
@@ -126,7 +133,7 @@ def _check(found: Alignment, least_agreement: float) -> None:
     if found.certainty < _LEAST_CERTAINTY:
         raise NotAligned(
             f"several poses match: the next best is only {found.certainty:.0%} worse than the best "
-            f"({where}); give --initial X,Y,YAW to choose"
+            f"({where}); give `hypermap align` --initial X,Y,YAW to choose"
         )
 
 
