@@ -61,6 +61,15 @@ def test_a_plugin_that_cannot_make_its_detector_is_named() -> None:
 
 
 @pytest.mark.usefixtures("installed")
+def test_a_plugin_without_an_argument_is_said_to_need_one() -> None:
+    with pytest.raises(HypermapError) as error:
+        load_detector("whole")
+    assert str(error.value) == (
+        "whole: the installed detector of this name needs an argument: whole:ARGUMENT"
+    )
+
+
+@pytest.mark.usefixtures("installed")
 def test_an_unknown_detector_is_an_error_that_names_the_known() -> None:
     with pytest.raises(HypermapError) as error:
         load_detector("hole:room")

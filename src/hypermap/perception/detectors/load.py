@@ -52,6 +52,10 @@ def load_detector(
     if network is not None:
         path = network.downloaded()
     elif not Path(path).exists():
+        if name in installed:
+            raise HypermapError(
+                f"{path}: the installed detector of this name needs an argument: {name}:ARGUMENT"
+            )
         raise FileMissing(
             f"{path}: there is no such model; `hypermap detectors` lists those that can be "
             "downloaded and called by name"
