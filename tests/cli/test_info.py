@@ -97,6 +97,14 @@ def test_what_info_calls_complete_is_mapped_and_what_it_does_not_is_refused(hype
         assert (made.code == 0) == is_complete == has_detections
 
 
+def test_color_is_not_missing_where_there_are_detections(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=2)
+    (drive / "rgb.txt").unlink()
+    assert "Nothing is missing" in hypermap("info", drive).out
+    made = hypermap("map", drive, "-o", tmp_path / "out.hmap")
+    assert made.code == 0
+
+
 def test_info_says_which_images_cannot_be_used(hypermap, tmp_path):
     drive = write_drive(tmp_path / "drive", frames=6)
     Image.new("L", (160, 120)).save(drive / "gray.png")

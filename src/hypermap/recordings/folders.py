@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.perception.detectors.origin import FILE
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import OnBadFrame, PendingFrame, or_report
 from hypermap.perception.turning import turned
@@ -122,6 +123,11 @@ class ImageFolder(ABC):
     def frame_id(self) -> str:
         """The name of the map's frame; "map" by default."""
         return self._options.map_frame or "map"
+
+    @property
+    def has_detections(self) -> bool:
+        """Whether it has recorded detections, so that objects can be mapped without color."""
+        return (self._path / FILE).is_file()
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time; see `Recording.frames`.

@@ -94,7 +94,7 @@ class NumberedRecording(ImageFolder):
     def info(self) -> RecordingInfo:
         """Return what is in the folder and what is missing."""
         missing = []
-        if not self._files.color:
+        if not self._files.color and not self.has_detections:
             missing.append(
                 f"there are no color images {self._layout.color.example}: "
                 "without them no objects can be detected"

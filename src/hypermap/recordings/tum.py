@@ -70,7 +70,8 @@ class TumRecording(ImageFolder):
             if (self._path / name).is_file():
                 count = sum(1 for _ in _tolerant(self._path / name))
                 streams.append(Stream(name, kind, count, use if count else ""))
-        if not any((self._path / name).is_file() for name in ("rgb.txt", "associations.txt")):
+        has_color = any((self._path / name).is_file() for name in ("rgb.txt", "associations.txt"))
+        if not has_color and not self.has_detections:
             missing.append("rgb.txt is missing: without color images no objects can be detected")
         problems = problems_of(
             self, "_depth", "_color", "_trajectory", "_plan", "_absence", "_camera", "_registration"
