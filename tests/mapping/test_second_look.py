@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 
 from hypermap.core.history import ADDED, GONE, Change
-from hypermap.core.semantic import SemanticObject
+from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.trajectory import pose_from_rpy
 from hypermap.mapping.config import profile
 from hypermap.mapping.drives import Drive
@@ -24,12 +29,21 @@ HEIGHTS = {"z_min": 0.0, "z_max": 1.0}
 CHAIR = SemanticObject("chair", shapely.box(1.8, -0.2, 2.2, 0.2), id=3, attributes=HEIGHTS)
 
 
-def looked(stamp: float, shows: str | None, x: float = 0.0, reach: float = 6.0) -> LoggedFrame:
+INSIDE = shapely.box(1.85, -0.15, 2.15, 0.15)
+
+
+def looked(
+    stamp: float,
+    shows: str | None,
+    x: float = 0.0,
+    reach: float = 6.0,
+    shapes: Sequence[shapely.Polygon] = (INSIDE,),
+) -> LoggedFrame:
     """Return a frame that looks along x, at a chair's place, and may detect something there."""
     pose = pose_from_rpy(x, 0, 0.5, -np.pi / 2, 0, -np.pi / 2)
     view = DepthView(CAMERA, pose, np.full((60, 80), reach, np.float32), 6.0)
-    shape = shapely.box(1.85, -0.15, 2.15, 0.15)
-    objects = () if shows is None else (ObservedObject(shows, 0.9, shape, 0.0, 1.0),)
+    found = () if shows is None else shapes
+    objects = tuple(ObservedObject(shows or "", 0.9, shape, 0.0, 1.0) for shape in found)
     area = shapely.box(0, -3, 6, 3)
     return LoggedFrame(Observation(stamp, pose, objects, area, view, (0.0, 0.0, 0.0)), None, True)
 
@@ -45,7 +59,7 @@ def look(*days: list[LoggedFrame]) -> SecondLook:
     return SecondLook(log, drives, profile("default"))
 
 
-def frames(day: int, *shows: str | None, **kwargs: float) -> list[LoggedFrame]:
+def frames(day: int, *shows: str | None, **kwargs: Any) -> list[LoggedFrame]:
     return [looked(day * DAY + i, one, **kwargs) for i, one in enumerate(shows)]
 
 
@@ -94,3 +108,55 @@ def test_a_damaged_log_does_not_keep_a_map_from_being_saved() -> None:
     second = look(frames(0, *SEEN), frames(1, *SEEN))
     second.log.parts[0].frames[1] = b"damaged"
     assert second.chance(CAME) == 0
+
+
+NEIGHBOR = SemanticObject("chair", shapely.box(1.8, 0.25, 2.2, 0.65), id=2, attributes=HEIGHTS)
+
+
+def neighbor(found: int, y: float = 0.0, name: str = "chair") -> SemanticObject:
+    """Return a chair beside `CHAIR`, found in so many frames."""
+    shape = shapely.affinity.translate(NEIGHBOR.footprint, 0, y)
+    attributes = HEIGHTS | {"evidence": found}
+    return dataclasses.replace(NEIGHBOR, name=name, footprint=shape, attributes=attributes)
+
+
+@pytest.mark.parametrize(
+    ("item", "before", "after", "is_there"),
+    [
+        (CHAIR, neighbor(8), neighbor(16), False),
+        (CHAIR, neighbor(8), neighbor(8), True),  # the present drive has not found it
+        (CHAIR, neighbor(8), neighbor(16, y=1.0), True),  # it was moved
+        (CHAIR, neighbor(8, name="bin"), neighbor(16, name="bin"), True),
+        (CHAIR, neighbor(8, y=-0.2), neighbor(16, y=-0.2), True),  # both may be one, mapped twice
+        (dataclasses.replace(CHAIR, footprint=shapely.box(2, 0, 2.2, 0.2)),
+         neighbor(8), neighbor(16), True),  # too small to tell
+    ],
+)  # fmt: skip
+def test_detections_of_an_unmoved_neighbor_are_of_that_one(
+    item: SemanticObject, before: SemanticObject, after: SemanticObject, is_there: bool
+) -> None:
+    shown = [shapely.box(1.85, 0.18, 2.15, 0.6)]
+    second = look(frames(0, *SEEN, shapes=shown), frames(1, *SEEN, shapes=shown))
+    layer = SemanticLayer("semantic", "map", [before])
+    second = dataclasses.replace(second, before=layer, after=[after, item])
+    for change in (Change(ADDED, "semantic", None, item), Change(GONE, "semantic", item, None)):
+        assert (second.chance(change) > 0.99) == is_there
+        assert (second.chance(change) < 0.01) != is_there
+
+
+def test_what_a_frame_shows_beside_an_unmoved_neighbor_is_another_one() -> None:
+    shown = [NEIGHBOR.footprint, shapely.box(1.85, 0.1, 2.15, 0.5)]
+    second = look(frames(0, *SEEN, shapes=shown), frames(1, *SEEN, shapes=shown))
+    layer = SemanticLayer("semantic", "map", [neighbor(8)])
+    second = dataclasses.replace(second, before=layer, after=[neighbor(16), CHAIR])
+    assert second.chance(CAME) > 0.99
+
+
+def test_outlines_that_cross_themselves_are_compared_all_the_same() -> None:
+    bow = shapely.Polygon([(1.8, 0.25), (2.2, 0.65), (2.2, 0.25), (1.8, 0.65)])
+    shown = [shapely.box(1.85, 0.18, 2.15, 0.6)]
+    second = look(frames(0, *SEEN, shapes=shown), frames(1, *SEEN, shapes=shown))
+    crossed = [dataclasses.replace(neighbor(found), footprint=bow) for found in (8, 16)]
+    layer = SemanticLayer("semantic", "map", crossed[:1])
+    second = dataclasses.replace(second, before=layer, after=[crossed[1], CHAIR])
+    assert second.chance(CAME) < 0.01

@@ -114,6 +114,16 @@ def test_colors_say_nothing_where_the_light_of_both_days_is_not_known() -> None:
     assert two_days([((-3, 0), RED)], [((3, 0), GREEN)], fixed=FIXED[:2]) == {0: (3, 0)}
 
 
+def test_an_older_color_does_not_decide_where_the_light_of_the_newest_is_not_known() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    days = (((-3, 0), RED), *FIXED), (((-3, 0), GREEN),), (((3, 0), GREEN), *FIXED)
+    for day, chairs in enumerate(days):
+        for second in range(80 if day == 2 else 4):
+            look(evidence, chairs, day * DAY + second, (1, 1, 1))
+    centers = {item.id: item.footprint.centroid for item in evidence.objects()}
+    assert centers[0].x == pytest.approx(3, abs=0.1)
+
+
 colors = st.tuples(*3 * [st.integers(0, 255)])
 
 

@@ -365,16 +365,18 @@ class Mapper:
         )
         made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
         made.mapper_state = cache(partial(dump_state, self._state(published)))
-        made.history = replace(self._base.history or History(), mapped=self._mapped())
+        made.history = replace(self._base.history or History(), mapped=self._mapped(published))
         return made
 
-    def _mapped(self) -> Mapped:
+    def _mapped(self, published: list[SemanticObject]) -> Mapped:
         """Return the source of the present changes, for the map's history."""
         drive = self._intake.drive
         name = drive.name or ("corrected poses" if self._is_corrected else "")
         if not self._intake.is_another_drive:
             return Mapped(name, drive.time)
-        look = SecondLook(FrameLog(self._frame_log.parts), self._intake.drives(), self.config)
+        log, drives = FrameLog(self._frame_log.parts), self._intake.drives()
+        before = layer_of_objects(self._base)
+        look = SecondLook(log, drives, self.config, before, published)
         return Mapped(name, drive.time, look.chance)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:

@@ -10,16 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import as_objects
 from hypermap.core.errors import FormatError
 from hypermap.core.history import ADDED, Change
 from hypermap.core.objects import SemanticObject
+from hypermap.core.semantic import SemanticLayer
+from hypermap.core.shapes import valid_copies
+from hypermap.history.likeness import MIN_MOVED, distance_between
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive, rows_of_drives
+from hypermap.mapping.evidence_buffer import CONFIRMED
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame
 from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.occlusion import sample_points, visible_shares
@@ -27,6 +34,8 @@ from hypermap.mapping.prepared_polygon import PreparedPolygon
 
 _VISIBLE = 0.5  # share of an object that a frame must be able to see
 _BESIDE = 0.1  # [m] between an object and a detection of it, at most
+_LARGE = 0.3  # [m]; smaller objects cannot be told from others beside them
+_APART = 0.1  # share of an object that another one beside it may seem to take
 _FOUND = 0.8  # share of such frames that detect an object which is there
 _FALSE = 0.05  # share of those that detect one which is not there
 
@@ -39,11 +48,15 @@ class SecondLook:
         log: the frames.
         drives: all drives; the last one is the present one.
         config: of the map.
+        before: the objects before the present drive; None for none.
+        after: those after it.
     """
 
     log: FrameLog
     drives: Sequence[Drive]
     config: MappingConfig
+    before: SemanticLayer | None = None
+    after: Sequence[SemanticObject] = ()
     _unpacked: dict[int, LoggedFrame] = field(default_factory=dict, init=False, repr=False)
 
     def chance(self, change: Change) -> float:
@@ -65,6 +78,7 @@ class SecondLook:
         heights = [item.attributes.get(name) for name in ("z_min", "z_max")]
         if item.footprint.is_empty or not all(isinstance(one, int | float) for one in heights):
             return 0, 0
+        shapes = self._with_neighbors(item)
         samples, config = sample_points([PreparedPolygon.of(item.footprint)]), self.config.evidence
         shown = detected = 0
         for frame in self._frames_near(item, rows):
@@ -74,8 +88,33 @@ class SecondLook:
             seen = visible_shares(view, samples, np.array([heights], float), config.tolerance)
             if seen.visible[0] >= _VISIBLE:
                 shown += 1
-                detected += _detects(frame, item)
+                detected += _detects(frame, item.name, shapes)
         return shown, detected
+
+    def _with_neighbors(self, item: SemanticObject) -> list[BaseGeometry]:
+        """Return the shape of an object, then those of unmoved ones that may have been detected.
+
+        Only its own where poses and outlines are off by as much: next to small objects. What
+        reaches into an object may be the same one, mapped twice.
+        """
+        alike = [one.footprint for one in self._unmoved if one.name == item.name]
+        own, *others = valid_copies(as_objects([item.footprint, *alike]))
+        if own.area < _LARGE**2:
+            return [own]
+        near = [one for one in others if shapely.dwithin(one, own, 2 * _BESIDE)]
+        return [own, *(shape for shape in near if _shared(shape, own) <= _APART)]
+
+    @cached_property
+    def _unmoved(self) -> list[SemanticObject]:
+        """The objects that the present drive has found where they were before."""
+        was = {} if self.before is None else {item.id: item for item in self.before.objects()}
+        return [
+            item
+            for item in self.after
+            if item.id in was
+            and _observations(item) >= _observations(was[item.id]) + CONFIRMED
+            and distance_between(was[item.id], item) < MIN_MOVED
+        ]
 
     def _frames_near(self, item: SemanticObject, rows: slice) -> list[LoggedFrame]:
         """Return the frames of a drive within the range in which an object can be missed."""
@@ -98,11 +137,35 @@ class SecondLook:
             self._unpacked.update(zip(rows, moved, strict=True))
 
 
-def _detects(frame: LoggedFrame, item: SemanticObject) -> bool:
-    return any(
-        one.name == item.name and shapely.dwithin(one.footprint, item.footprint, _BESIDE)
-        for one in frame.observation.objects
-    )
+def _observations(item: SemanticObject) -> int:
+    count = item.attributes.get("evidence")
+    return count if isinstance(count, int) else 0
+
+
+def _detects(frame: LoggedFrame, name: str, shapes: Sequence[BaseGeometry]) -> bool:
+    """Return whether a frame detects the first of some objects of a class, not only the others.
+
+    Each detection is of one object, and each object is detected once: the nearest pairs first.
+    """
+    found = [one.footprint for one in frame.observation.objects if one.name == name]
+    pairs = [
+        (-shapely.area(shapely.intersection(one, shape)), shapely.distance(one, shape), i, j)
+        for i, one in enumerate(found)
+        for j, shape in enumerate(shapes)
+        if shapely.dwithin(one, shape, _BESIDE)
+    ]
+    free = set(range(len(found))), set(range(len(shapes)))
+    for _, _, i, j in sorted(pairs):
+        if i in free[0] and j in free[1]:
+            free[0].remove(i)
+            free[1].remove(j)
+    return 0 not in free[1]
+
+
+def _shared(one: BaseGeometry, other: BaseGeometry) -> float:
+    """Return the share of the smaller of two shapes that is in the other one, 0..1."""
+    least = min(one.area, other.area)
+    return float(shapely.area(shapely.intersection(one, other)) / least) if least else 0.0
 
 
 def _chance(shown: int, detected: int) -> float:

@@ -43,7 +43,7 @@ def differ_in_color(tracks: TrackTable, before: Sequence[int], now: Sequence[int
         now: rows of tracks that have come, M.
 
     Returns:
-        Shape (N, M); False where a color is unknown, or the light.
+        Shape (N, M); False where a color is unknown, or the light of the newest one.
     """
     after = [_newest(_paints(tracks.objects[row].buffer)) for row in now]
     seen = np.array([_UNKNOWN if one is None else one.color for one in after]).reshape(-1, 3)
@@ -51,8 +51,9 @@ def differ_in_color(tracks: TrackTable, before: Sequence[int], now: Sequence[int
     differ: BoolArray = np.zeros((len(before), len(now)), dtype=bool)
     for i, row in enumerate(before):
         known = [paint.color * gains.since(paint) for paint in _while_there(tracks.objects[row])]
-        steps = _distances(np.array(known).reshape(-1, 3), seen)
-        differ[i] = np.fmin.reduce(steps, axis=0, initial=np.nan) > _MOST
+        if known and not np.isnan(known[-1]).any():
+            steps = _distances(np.array(known), seen)
+            differ[i] = np.fmin.reduce(steps, axis=0) > _MOST
     return differ
 
 
