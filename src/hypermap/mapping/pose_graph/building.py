@@ -12,7 +12,10 @@ from hypermap.mapping.pose_graph.graph import PoseGraph
 from hypermap.mapping.pose_graph.matching import Match, Matcher, looked_at
 from hypermap.mapping.pose_graph.odometry import information_of
 from hypermap.mapping.pose_graph.planar import Array, between, compose, wrapped
+from hypermap.mapping.pose_graph.registration import vague_direction
+from hypermap.mapping.pose_graph.texture import Textures, align
 from hypermap.mapping.pose_graph.view import View
+from hypermap.perception.frame import RgbdFrame
 
 _RECENT = 12  # views; matches to older ones close a loop
 _MOST_LOOPS = 8  # loop closures of one view
@@ -25,6 +28,8 @@ _SIGMAS = 1.5  # standard deviations, twice those of usual odometry; radius of a
 _SEARCH_EVERY = 3  # views
 _MOST_SEARCHES = 3  # places searched for one view
 _DIFFERENT = 1.5  # meters traveled between them
+_BY_TEXTURE = 1, 3, 6, 9, 12  # views between two whose texture is compared
+_UNLIKELY = 9.0  # squared Mahalanobis distance from odometry, twice as uncertain as usual
 _OPTIMIZE_EVERY = 20  # views with loop closures; immediately if they do not fit
 
 
@@ -60,12 +65,14 @@ class Building:
         self._views: list[View] = []
         self._ways: list[float] = []
         self._matcher = Matcher(self._views, self._ways)
+        self._textures = Textures(_RECENT + 1)
         self._since = 0  # views since all poses were optimized
 
-    def add(self, view: View) -> None:
-        """Add the next view of the drive."""
+    def add(self, view: View, frame: RgbdFrame) -> None:
+        """Add the next view of the drive, and the frame that it shows."""
         graph, b = self.graph, len(self._views)
         self._views.append(view)
+        self._textures.add(b, view, frame)
         if b == 0:
             graph.add_node(view.pose)
             self._ways.append(0.0)
@@ -110,11 +117,30 @@ class Building:
         Then a wrong step of the recorded poses does not make matches look wrong.
         """
         recent = np.sort(self._that_may_share(b, np.arange(max(0, b - _RECENT), b)))
-        matches = self._matches(recent.tolist(), b)
+        matches = [self._by_texture(match) for match in self._matches(recent.tolist(), b)]
         self._link(matches)
         place = self._matcher.agreeing(self.poses, matches, b)[1]
         if place is not None:
             self.graph.poses[b] = place
+
+    def _by_texture(self, match: Match) -> Match:
+        """Return a match of new views, by their color images, too, if depth tells too little."""
+        a, b, a_T_b, information = match
+        direction = vague_direction(information)
+        if direction is None or abs(a - b) not in _BY_TEXTURE:
+            return match
+        on, of = self._textures.of(a), self._textures.of(b)
+        if on is None or of is None:
+            return match
+        # Along a wall, depth goes where noise leads it, which may be far.
+        start = a_T_b.copy()
+        start[:2] += direction * (direction @ (between(*self.poses[[a, b]]) - a_T_b)[:2])
+        found = align(on, of, start, direction)
+        given = between(self._views[a].pose, self._views[b].pose)
+        if found is None or not _agrees(found[0], given):
+            return match
+        along = np.append(direction, 0.0)
+        return a, b, found[0], information + np.outer(along, along) / found[1] ** 2
 
     def _matches(self, others: Sequence[int], b: int) -> list[Match]:
         tried = [self._matcher.match(self.poses, a, b) for a in others]
@@ -173,6 +199,13 @@ class Building:
             if len(tried) == _MOST_SEARCHES:
                 break
         return []
+
+
+def _agrees(a_T_b: Array, given: Array) -> bool:
+    """Return whether a relative pose is a likely one by odometry, shapes (3,)."""
+    error = a_T_b - given
+    error[2] = wrapped(error[2])
+    return bool(error @ information_of(given) @ error < _UNLIKELY)
 
 
 def _spread(chosen: IntArray, count: int) -> list[int]:

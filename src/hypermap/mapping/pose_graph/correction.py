@@ -158,7 +158,7 @@ class _Collected:
         """Add a usable frame."""
         self._poses[frame.stamp] = frame.map_T_camera
         if self._keyframes.accept(frame.map_T_camera, frame.stamp):
-            self._building.add(View.of(frame))
+            self._building.add(View.of(frame), frame)
             self._consistency.add(frame)
 
     def corrected(self) -> CorrectedPoses:

@@ -86,6 +86,15 @@ def register(
     )
 
 
+def vague_direction(information: Array) -> Array | None:
+    """Return the direction in which a position is hardly known, as along a bare wall, shape (2,).
+
+    None if there is none.
+    """
+    values, vectors = _directions(information)
+    return np.asarray(vectors[:, 0]) if values[0] < _VAGUE**-2.0 else None
+
+
 def _without_vague(information: Array) -> Array:
     """Return an information matrix without what is hardly known, as along a bare wall.
 
@@ -95,14 +104,20 @@ def _without_vague(information: Array) -> Array:
     Source: Zhang, Kaess, Singh, "On degeneracy of optimization-based state estimation problems",
     ICRA 2016, who leave out such directions, too.
     """
-    by_yaw = information[:2, 2:] / max(information[2, 2], 1e-9)
-    values, vectors = np.linalg.eigh(information[:2, :2] - by_yaw @ information[2:, :2])
+    values, vectors = _directions(information)
     for value, direction in zip(values, vectors.T, strict=True):
         if value < _VAGUE**-2.0:  # add a covariance, as above
             along = information[:, :2] @ direction
             known = direction @ along[:2]
             information = information - np.outer(along, along) / (known + _UNKNOWN**-2.0)
     return information
+
+
+def _directions(information: Array) -> tuple[Array, Array]:
+    """Return what is known of a position whatever the heading is: (2,), and in columns (2, 2)."""
+    by_yaw = information[:2, 2:] / max(information[2, 2], 1e-9)
+    values, vectors = np.linalg.eigh(information[:2, :2] - by_yaw @ information[2:, :2])
+    return values, vectors
 
 
 def _positive(information: Array) -> Array:
