@@ -20,9 +20,9 @@ def ticks_per_second(number: float) -> float | None:
 
 
 def in_seconds(stamps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return stamps in seconds; those that count ms, µs or ns from 1970 are converted.
+    """Return stamps in seconds; those that count ms, µs or ns from 1970 are, to a microsecond.
 
-    >>> in_seconds(np.array([2.5, 1_700_000_000.25, 1_700_000_000_250_000_000])).tolist()
+    >>> in_seconds(np.array([2.5, 1_700_000_000.25, 1_700_000_000_250_000_000])).round(6).tolist()
     [2.5, 1700000000.25, 1700000000.25]
     """
     is_counted = [stamps > EARLIEST * ticks for ticks in _TICKS]
