@@ -19,6 +19,7 @@ from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import EvidenceBuffer, evidence_from
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.perceived import no_detections
+from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.votes import votes_at
 
 FRONT, BEHIND = shapely.box(0, 0, 2, 0.6), shapely.box(0, 0.65, 2, 1.25)
@@ -78,9 +79,16 @@ def test_many_views_that_mostly_agree_outvote_few_that_all_do() -> None:
     assert set(own_floor([shelf(0), shelf(1)], lambda *_: False, votes, 0.3)) == {0}
 
 
-def two_shelves(**settings: object) -> EvidenceMap:
+def test_outlines_that_cross_themselves_are_divided_all_the_same() -> None:
+    bow = shapely.Polygon([(0, 0), (2, 1.25), (2, 0), (0, 1.25)])
+    crossed = [dataclasses.replace(shelf(i), footprint=bow) for i in (0, 1)]
+    found = own_floor(crossed, lambda *_: False, votes_on, 0.3)
+    assert all(shape.is_valid and shape.area < 1.25 for shape in found.values())
+
+
+def two_shelves(config: EvidenceConfig = CONFIG) -> EvidenceMap:
     """A map of two shelves back to back, where every second box shows what is behind, too."""
-    evidence = EvidenceMap(dataclasses.replace(CONFIG, **settings))  # type: ignore[arg-type]
+    evidence = EvidenceMap(config)
     for stamp in range(12):
         front = BOTH if stamp % 2 else FRONT
         evidence.update(seen(front, BEHIND, name="shelf", stamp=float(stamp)))
@@ -95,7 +103,7 @@ def test_shelves_back_to_back_do_not_overlap_in_the_map() -> None:
 
 
 def test_they_may_where_frames_do_not_tell_objects_apart() -> None:
-    (both,) = two_shelves(exclusive=False).objects()
+    (both,) = two_shelves(dataclasses.replace(CONFIG, exclusive=False)).objects()
     assert both.footprint.area > 1.5 * FRONT.area
 
 

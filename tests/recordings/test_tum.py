@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.perception.recording import Recording
 from hypermap.recordings import RecordingOptions, open_recording
-from hypermap.recordings.tum import default_camera
+from hypermap.recordings.tum import default_camera, read_trajectory
 
 from .shots import INTRINSICS, SHOTS, Shot, assert_shows, write_tum
 
@@ -126,6 +126,15 @@ def test_stamps_may_count_parts_of_a_second_since_1970(
         counted = [" ".join([f"{float(stamp) * 10**digits:.0f}", *rest]) for stamp, *rest in lines]
         (folder / name).write_text("\n".join(counted))
     assert [frame.stamp for frame in opened(folder).frames()] == pytest.approx(whole, abs=1e-3)
+
+
+def test_stamps_since_the_start_of_a_computer_are_of_one_unit(folder: Path) -> None:
+    """Counted in ns, they pass after 100 s what would be ms since 1970."""
+    path, stamps = folder / "groundtruth.txt", np.arange(95e9, 105e9, 1e8)
+    path.write_text("\n".join(f"{stamp:.0f} {stamp / 1e9} 0 1 0 0 0 1" for stamp in stamps))
+    trajectory, notes = read_trajectory(path, 1.0)
+    np.testing.assert_allclose(trajectory.stamps, stamps)
+    assert notes == ()
 
 
 def test_16_bit_depth_may_be_pgm_or_tiff(folder: Path) -> None:

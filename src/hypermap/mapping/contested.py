@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray, as_objects
 from hypermap.core.semantic import SemanticObject
+from hypermap.core.shapes import valid_copies
 from hypermap.mapping.footprint_iou import at_same_height
 
 _SHARED = 0.02  # of the smaller footprint; less is noise of the outlines
@@ -65,13 +66,14 @@ def own_floor(
             is_own[left] = shares[left] >= votes / (cast + _DOUBT)
         if is_own.any():
             part = _largest_part(cells[is_own], place)
-            found[one] = shapely.intersection(part, free[one].footprint)  # cells are coarse
+            (whole,) = valid_copies(as_objects([free[one].footprint]))
+            found[one] = shapely.intersection(part, whole)  # cells are coarse
     return {one: shape for one, shape in found.items() if shape.geom_type == "Polygon"}
 
 
 def _sharing(objects: Sequence[SemanticObject]) -> list[tuple[int, int]]:
     """Return the ids of each two objects of one class that share floor at the same height."""
-    shapes = as_objects(item.footprint for item in objects)
+    shapes = valid_copies(as_objects(item.footprint for item in objects))
     first, second = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     first, second = first[first < second], second[first < second]
     shared = shapely.area(shapely.intersection(shapes[first], shapes[second]))

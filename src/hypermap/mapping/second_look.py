@@ -147,7 +147,8 @@ def _detects(frame: LoggedFrame, name: str, shapes: Sequence[BaseGeometry]) -> b
 
     Each detection is of one object, and each object is detected once: the nearest pairs first.
     """
-    found = [one.footprint for one in frame.observation.objects if one.name == name]
+    detected = [one.footprint for one in frame.observation.objects if one.name == name]
+    found = valid_copies(as_objects(detected))
     pairs = [
         (-shapely.area(shapely.intersection(one, shape)), shapely.distance(one, shape), i, j)
         for i, one in enumerate(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -28,17 +28,15 @@ FRAME_RATE = 30.0  # frames per second; the files carry no times
 
 @dataclass(frozen=True, eq=False)
 class NumberedFrame:
-    """The files of one frame, and its pose as recorded, shape (4, 4), or why there is none."""
+    """The files of one frame, and its pose as recorded, shape (4, 4), or why there is none.
 
-    number: int
+    Its stamp is in seconds since frame 0, or since 1970 if the numbers are times.
+    """
+
+    stamp: float
     depth: Path
     color: Path | None
     world_T_camera: NDArray[np.float64] | HypermapError
-
-    @property
-    def stamp(self) -> float:
-        """Seconds since frame 0, or since 1970 if the number is a time."""
-        return self.number / (ticks_per_second(self.number) or FRAME_RATE)
 
     def pose(self, options: RecordingOptions) -> NDArray[np.float64]:
         """Return the camera's pose in the map, shape (4, 4).
@@ -100,7 +98,11 @@ class NumberedRecording(ImageFolder):
                 "without them no objects can be detected"
             )
         frames, duration, image_size = 0, 0.0, None
-        notes = [_note_on_stamps(self._files.depth)]
+        notes = [
+            "stamps are the times in the names of the files"
+            if ticks_per_second(list(self._files.depth))
+            else f"stamps are frame numbers at {FRAME_RATE:g} Hz"
+        ]
         if self._options.map_T_world is None:
             notes.append(
                 "the world is taken as level, z up; if it is not, give --level auto or "
@@ -150,13 +152,15 @@ class NumberedRecording(ImageFolder):
         wanted = [set(depths), set(poses), *([set(colors)] if colors else [])]
         complete = sorted(set.intersection(*wanted))
         incomplete = len(set(depths) | set(poses) | set(colors)) - len(complete)
+        rate = ticks_per_second(list(depths)) or FRAME_RATE
         frames, lost = [], 0
         for number in complete:
             pose = poses[number]
             if pose is None:
                 lost += 1
             else:
-                frames.append(NumberedFrame(number, depths[number], colors.get(number), pose))
+                stamp, color = number / rate, colors.get(number)
+                frames.append(NumberedFrame(stamp, depths[number], color, pose))
         if self._options.time_offset:
             frames, left = moved_in_time(
                 frames, self._options.time_offset, self._options.max_pose_gap
@@ -223,12 +227,6 @@ class NumberedRecording(ImageFolder):
         if (width, height) == (self._camera.width, self._camera.height):
             return None
         return intrinsics.camera(width, height)
-
-
-def _note_on_stamps(numbers: Iterable[int]) -> str:
-    if all(map(ticks_per_second, numbers)):
-        return "stamps are the times in the names of the files"
-    return f"stamps are frame numbers at {FRAME_RATE:g} Hz"
 
 
 def moved_in_time(

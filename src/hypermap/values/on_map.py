@@ -19,6 +19,8 @@ from hypermap.values.random_field import FieldSettings
 
 _log = logging.getLogger(__name__)
 
+_SAME = 1e-6  # [m, s]; what lies nearer is at the same place and time
+
 
 def known_layer(hypermap: Hypermap, name: str) -> ValueLayer | None:
     """Return the value layer of a name; None if there is no layer of that name.
@@ -66,13 +68,24 @@ def new_among(samples: Samples, kept: Samples) -> Samples:
 
 
 def unlike(samples: Samples, kept: Samples) -> Samples:
-    """Return the samples that do not equal others in time, place and value; all without a stamp."""
-    rows, known = (
-        list(map(tuple, np.column_stack([each.stamps, each.points_xy, each.values]).tolist()))
-        for each in (samples, kept)
-    )
-    among = set(known)  # no row with a NaN equals another one
-    return samples.chosen(np.array([row not in among for row in rows], dtype=bool))
+    """Return the samples that differ from others in time, place or value; all without a stamp.
+
+    What other units, frames and stamps round (1 us, 1 um, 1e-9 of a value) is no difference.
+    """
+    order = np.argsort(kept.stamps)  # those without a stamp last
+    stamps = kept.stamps[order]
+    begins = np.searchsorted(stamps, samples.stamps - _SAME, "left")
+    ends = np.searchsorted(stamps, samples.stamps + _SAME, "right")
+
+    def is_known(i: int) -> bool:
+        rows = order[begins[i] : ends[i]]
+        apart = np.abs(kept.points_xy[rows] - samples.points_xy[i]).max(axis=1, initial=0)
+        alike = np.isclose(kept.values[rows], samples.values[i], rtol=1e-9, atol=1e-9)
+        return bool(((apart < _SAME) & alike).any())
+
+    has_stamp = np.isfinite(samples.stamps).tolist()
+    is_new = [not (stamped and is_known(i)) for i, stamped in enumerate(has_stamp)]
+    return samples.chosen(np.array(is_new, dtype=bool))
 
 
 def made_of(

@@ -122,10 +122,12 @@ class RecordedDetections:
             raise FormatError(_problem(first), path=path, key=_key_of(first["loc"])) from error
 
         recorded = cls(content.image_size, path)
+        numbers = np.array([_number(key, path) for key in content.frames], float)
+        stamps = dict(zip(content.frames, in_seconds(numbers).tolist(), strict=True))
         key = ""
         try:
             for key, objects in content.frames.items():
-                recorded._put(_stamp_of(key), objects)
+                recorded._put(stamps[key], objects)
         except ValueError as error:
             raise FormatError(str(error), path=path, key=f"frame {key}") from error
         return recorded
@@ -210,11 +212,13 @@ def _as_detections(objects: list[_Object]) -> Detections:
     )
 
 
-def _stamp_of(key: str) -> float:
+def _number(key: str, path: Path) -> float:
     try:
-        return float(in_seconds(np.array(float(key))))
+        return float(key)
     except ValueError:
-        raise ValueError("the key of a frame is its stamp in seconds") from None
+        raise FormatError(
+            "the key of a frame is its stamp in seconds", path=path, key=f"frame {key}"
+        ) from None
 
 
 def _problem(error: Mapping[str, Any]) -> str:
