@@ -51,22 +51,21 @@ def test_a_detector_of_another_package_gets_what_stands_after_its_name() -> None
 
 
 @pytest.mark.usefixtures("installed")
-def test_a_plugin_that_cannot_make_its_detector_is_named() -> None:
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            "whole:nothing",
+            "detector plug-in 'whole' (whole_image:WholeImage) cannot be created from 'nothing': "
+            "FileNotFoundError: there is no nothing",
+        ),
+        ("whole", "whole: the installed detector of this name needs an argument: whole:ARGUMENT"),
+    ],
+)
+def test_a_plugin_that_cannot_make_its_detector_is_named(given: str, message: str) -> None:
     with pytest.raises(HypermapError) as error:
-        load_detector("whole:nothing")
-    assert str(error.value) == (
-        "detector plug-in 'whole' (whole_image:WholeImage) cannot be created from 'nothing': "
-        "FileNotFoundError: there is no nothing"
-    )
-
-
-@pytest.mark.usefixtures("installed")
-def test_a_plugin_without_an_argument_is_said_to_need_one() -> None:
-    with pytest.raises(HypermapError) as error:
-        load_detector("whole")
-    assert str(error.value) == (
-        "whole: the installed detector of this name needs an argument: whole:ARGUMENT"
-    )
+        load_detector(given)
+    assert str(error.value) == message
 
 
 @pytest.mark.usefixtures("installed")
