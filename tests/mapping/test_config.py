@@ -57,10 +57,16 @@ def test_a_file_may_name_the_profile(tmp_path: Path) -> None:
     expected = dataclasses.replace(thesis, evidence=dataclasses.replace(thesis.evidence, loss=0.1))
     assert load_config(path) == expected
     assert chosen_config(None, path) == chosen_config("thesis", path) == expected
+    assert load_config(path, thesis) == expected
+    with pytest.raises(FormatError, match="profile: is another one than the base given"):
+        load_config(path, profile("default"))
     assert chosen_config(None, path, has_network=True).perception.min_score == 0.3
     with pytest.raises(FormatError) as error:
         chosen_config("default", path)
-    assert str(error.value) == f"{path}: profile: is not 'default', which is asked for"
+    asked = "profile: is 'thesis', but 'default' is asked for; remove one of them"
+    assert str(error.value) == f"{path}: {asked}"
+    with pytest.raises(ValueError, match="there is no profile 'defualt'; did you mean 'default'"):
+        chosen_config("defualt", path)
     path.write_text("profile: thesiss")
     with pytest.raises(FormatError) as error:
         chosen_config(None, path)

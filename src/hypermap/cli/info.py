@@ -335,8 +335,6 @@ def _checks(path: Path, options: RecordingOptions, content: dict[str, Any]) -> l
         map_T_world=options.world_pose(),
         pose_convention=options.pose_convention,
     )
-    for frame in islice(usable_frames(path, options), IN_A_ROW):
-        preflight.add(frame)
     tried = _Tried()
     for frame in usable_frames(path, options, SPREAD, tried.add_bad):
         preflight.add_mapped(frame)
@@ -348,6 +346,8 @@ def _checks(path: Path, options: RecordingOptions, content: dict[str, Any]) -> l
         content["notes"] += (f"{what}: {tried.colors[0]}",)
     if not tried.good:
         return []
+    for frame in islice(usable_frames(path, options), IN_A_ROW):
+        preflight.add(frame)
     return [
         {"check": f.check, "is_wrong": f.is_wrong, "measured": f.measured}
         | ({"effect": f.effect, "remedy": f.remedy} if f.is_wrong else {})

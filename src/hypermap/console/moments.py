@@ -108,6 +108,8 @@ def left_the_map(hypermap: Hypermap, name: str) -> str | None:
     for _, revision in () if hypermap.history is None else hypermap.history.dated():
         if any(_takes_away(change, name) for change in revision.changes):
             last, before = revision, previous
+        if revision.follows_loss:  # the map before it is not known
+            before = None
         previous = revision.version
     if last is None:
         return None

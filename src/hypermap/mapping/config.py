@@ -87,10 +87,17 @@ def load_config(path: str | Path, base: MappingConfig | None = None) -> MappingC
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is not YAML, or a key is unknown, or a value has the wrong type or range.
+        FormatError: If it is not YAML, a key is unknown, a value has the wrong type or range, or
+            the file names another profile than `base`.
     """
-    values = dict(read_overrides(Path(path)))
-    return override(base or _profile_for(None, values, Path(path)), values, path=Path(path))
+    file = Path(path)
+    values = dict(read_overrides(file))
+    if base is None or "profile" in values:
+        named = _profile_for(None, values, file)
+        if base not in (None, named):
+            raise FormatError("is another one than the base given", path=file, key="profile")
+        base = named
+    return override(base, values, path=file)
 
 
 def chosen_config(
@@ -124,10 +131,12 @@ def chosen_config(
 def _profile_for(name: str | None, values: dict[str, Any], file: Path | None) -> MappingConfig:
     """Return the profile of a name, or that which a file's values name, and take its name out."""
     named = values.pop("profile", None)
+    asked = profile(name or "default")
     if named is None:
-        return profile(name or "default")
+        return asked
     if name not in (None, named):
-        raise FormatError(f"is not {name!r}, which is asked for", path=file, key="profile")
+        problem = f"is {str(named)!r}, but {name!r} is asked for; remove one of them"
+        raise FormatError(problem, path=file, key="profile")
     try:
         return profile(str(named))
     except ValueError as error:
