@@ -88,8 +88,8 @@ def test_frames_without_a_connection_are_an_error(target: str, source: str, mess
 
 def test_a_loop_of_frames_is_an_error() -> None:
     still = FixedPose(np.eye(4))
-    with pytest.raises(FrameError, match="the frames a, b form a loop"):
-        MovingFrames({"a": ("b", still), "b": ("a", still)})
+    with pytest.raises(FrameError, match="the frames a below b below a form a loop"):
+        MovingFrames({"camera": ("a", still), "a": ("b", still), "b": ("a", still)})
 
 
 @pytest.mark.parametrize(

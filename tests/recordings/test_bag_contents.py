@@ -5,13 +5,15 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from hypermap.core.errors import FormatError
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.perception.detectors.origin import detection_origin
 from hypermap.recordings import open_recording
 
 from .bag_builder import (
@@ -77,6 +79,30 @@ def test_recorded_detections_go_with_the_image_they_were_made_from(
     assert "1 of 4 frames have recorded detections" in notes
     by_number = "the recorded detections name classes by number, and so will the map"
     assert (by_number in notes) == is_number
+
+
+@pytest.mark.parametrize("late", [0, 10**7, 25 * 10**7])
+def test_detections_that_were_stamped_after_the_image_are_told(tmp_path: Path, late: int) -> None:
+    """At 0.01 s they are taken as those of the image, at 0.25 s they are of none."""
+    with BagBuilder(tmp_path, "mcap") as bag:
+        add_poses(bag, SHOTS)
+        for shot in SHOTS[:2]:
+            add_images(bag, shot)
+        stamped = replace(SHOTS[1], color_stamp=SHOTS[1].color_stamp + late)
+        bag.add("/boxes", VISION, SHOTS[1].stamp + 10**9, vision(bag.kind, stamped))
+    recording = open_recording(bag.path)
+    info = recording.info()
+    assert any("exactly the stamp of a color image" in note for note in info.notes) == (
+        late == 10**7
+    )
+    if late < 10**8:
+        assert not info.missing
+        assert detection_origin(recording, None, None, 0.3, None) is not None
+        return
+    [said] = info.missing
+    assert said.startswith("none of the recorded detections on /boxes has the stamp of a frame's")
+    with pytest.raises(HypermapError, match="none of the recorded detections on /boxes"):
+        detection_origin(recording, None, None, 0.3, None)
 
 
 def test_the_last_occupancy_map_becomes_a_layer(bag: BagBuilder) -> None:

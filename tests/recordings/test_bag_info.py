@@ -159,7 +159,7 @@ NO_INFO = (
             [
                 "no depth image has a color image within 0.02 s (--max-time-difference): depth "
                 "images reach from 1600001000.250 to 1600001000.250 s, color images from "
-                "1600000000.254 to 1600000000.554 s"
+                "1600000000.254 to 1600000000.554 s; the nearest two are 999.696 s apart"
             ],
         ),
         (

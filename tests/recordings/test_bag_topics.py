@@ -56,7 +56,13 @@ TWO_CAMERAS = {
         "depth/camera_info": CAMERA_INFO,
         "rgb/image": IMAGE,
         "rgb/image/compressed": COMPRESSED,
+        "detections": DETECTIONS[1],
     }.items()
+}
+AZURE_KINECT = {
+    f"/k4a/{name}/{kind}": type_name
+    for name in ("depth", "depth_to_rgb", "ir", "rgb", "rgb_to_depth")
+    for kind, type_name in {"image_raw": IMAGE, "camera_info": CAMERA_INFO}.items()
 }
 CLOUD_ONLY = {"/camera/points": CLOUD, "/camera/rgb/image": IMAGE, "/velodyne_points": CLOUD}
 DEPTH_WITHOUT_INFO = {"/camera/depth/image": IMAGE, "/camera/points": CLOUD}
@@ -95,6 +101,7 @@ DEPTH_WITHOUT_INFO = {"/camera/depth/image": IMAGE, "/camera/points": CLOUD}
                 "depth": "/front/depth/image",
                 "color": "/front/rgb/image",
                 "camera_info": "/front/depth/camera_info",
+                "detections": "/front/detections",
             },
         ),
         (
@@ -104,6 +111,25 @@ DEPTH_WITHOUT_INFO = {"/camera/depth/image": IMAGE, "/camera/points": CLOUD}
                 "depth": "/rear/depth/image",
                 "color": "/rear/rgb/image",
                 "camera_info": "/rear/depth/camera_info",
+                "detections": "/rear/detections",
+            },
+        ),
+        (
+            AZURE_KINECT,
+            {},
+            {
+                "depth": "/k4a/depth_to_rgb/image_raw",
+                "color": "/k4a/rgb/image_raw",
+                "camera_info": "/k4a/depth_to_rgb/camera_info",
+            },
+        ),
+        (
+            AZURE_KINECT,
+            {"depth_topic": "/k4a/depth/image_raw"},
+            {
+                "depth": "/k4a/depth/image_raw",
+                "color": "/k4a/rgb_to_depth/image_raw",
+                "camera_info": "/k4a/depth/camera_info",
             },
         ),
         (CLOUD_ONLY, {}, {"depth": None, "cloud": "/camera/points", "color": "/camera/rgb/image"}),

@@ -38,6 +38,31 @@ def test_camera_infos_of_both_ros_versions_say_the_same() -> None:
         assert not has_distortion(info)
 
 
+@pytest.mark.parametrize(
+    ("part", "binning", "size", "K"),
+    [
+        ((0, 0, 0, 0), (2, 2), (320, 240), [[250, 0, 160], [0, 255, 120], [0, 0, 1]]),
+        ((100, 40, 400, 300), (0, 0), (400, 300), [[500, 0, 220], [0, 510, 200], [0, 0, 1]]),
+        ((100, 40, 400, 300), (2, 4), (200, 75), [[250, 0, 110], [0, 127.5, 50], [0, 0, 1]]),
+    ],
+)
+def test_images_of_a_part_of_the_sensor_have_its_intrinsics(part, binning, size, K) -> None:
+    """Expected: by hand, from the definition of sensor_msgs/CameraInfo."""
+    names = ("x_offset", "y_offset", "width", "height")
+    info = SimpleNamespace(
+        width=640,
+        height=480,
+        K=[500, 0, 320, 0, 510, 240, 0, 0, 1],
+        D=[],
+        roi=SimpleNamespace(**dict(zip(names, part, strict=True))),
+        binning_x=binning[0],
+        binning_y=binning[1],
+    )
+    assert camera_of_info(info, *size, is_rectified=False).K.tolist() == K
+    with pytest.raises(FormatError, match="is for images of 640 x 480 pixels, but the depth"):
+        camera_of_info(info, size[0] - 1, size[1], is_rectified=False)
+
+
 def transform(parent: str, child: str, stamp: float, x: float, w: float = 1.0) -> Any:
     header = SimpleNamespace(
         frame_id=parent, stamp=SimpleNamespace(sec=int(stamp), nanosec=int(stamp % 1 * 1e9))
@@ -77,6 +102,59 @@ def test_broken_transforms_and_second_parents_are_noted() -> None:
         "2 transforms are not finite and are left out",
         "2 transforms do not name their frames and are left out",
     ]
+
+
+def test_a_frame_that_moves_is_not_held_by_a_pose_of_tf_static() -> None:
+    log = TransformLog()
+    log.add(transform("map", "odom", 0, 0.0), is_static=True)
+    log.add(transform("base", "arm", 0, 3.0), is_static=True)
+    for stamp in (1, 2):
+        log.add(transform("map", "odom", stamp, 7.0), is_static=False)
+        log.add(transform("base", "arm", stamp, 3.0), is_static=False)
+    tree, notes = log.frames(max_gap=1)
+    assert tree.motion("map", "odom").at([1.5])[0, 0, 3] == 7
+    assert tree.motion("base", "arm").at([99.0])[0, 0, 3] == 3
+    assert notes == [
+        "frame 'odom' is fixed in 'map' by tf_static, but moves in tf: what tf_static says of it "
+        "is left out"
+    ]
+
+
+def log_of(runs: list[tuple[int, int, float]]) -> TransformLog:
+    """Return runs from one stamp to another, each at some place."""
+    log = TransformLog()
+    for first, last, x in runs:
+        for stamp in range(first, last + 1):
+            log.add(transform("map", "base", stamp, x), is_static=False)
+    return log
+
+
+def test_times_that_are_there_twice_have_no_pose() -> None:
+    log = log_of([(0, 20, 1.0), (0, 9, 2.0), (8, 30, 3.0)])
+    tree, notes = log.frames(max_gap=1)
+    motion = tree.motion("map", "base")
+    known = motion.covers(np.arange(31.0))
+    assert np.flatnonzero(known).tolist() == list(range(21, 31))
+    assert notes == [
+        "the stamps of tf go back: poses of 'base' in 'map' are there twice from 0.000 to 20.000 "
+        "s, and are left out; was a simulation begun again, or a clock set back? "
+        "Record each run in a bag of its own"
+    ]
+
+
+def test_a_frame_of_which_all_is_there_twice_is_noted() -> None:
+    tree, (note,) = log_of([(0, 9, 1.0), (0, 9, 2.0)]).frames(max_gap=1)
+    assert not tree.motion("map", "base").covers(np.arange(1.0, 10.0)).any()
+    assert "twice from" in note
+
+
+@pytest.mark.parametrize("runs", [[(0, 9, 1.0), (0, 9, 1.0)], [(10, 20, 1.0), (0, 9, 2.0)]])
+def test_a_bag_that_was_played_again_or_a_clock_set_far_back_costs_no_pose(
+    runs: list[tuple[int, int, float]],
+) -> None:
+    tree, notes = log_of(runs).frames(max_gap=1)
+    assert tree.motion("map", "base").covers([0.0, 4.5, 9.0]).all()
+    assert notes == []
 
 
 def test_a_loop_of_transforms_is_an_error() -> None:

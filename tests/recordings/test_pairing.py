@@ -95,7 +95,8 @@ def test_the_pose_of_the_world_in_the_map_comes_first() -> None:
             [1.0, 2.0],
             [5.0, 6.0],
             "no depth image has a color image within 0.02 s (--max-time-difference): depth images "
-            "reach from 1.000 to 2.000 s, color images from 5.000 to 6.000 s",
+            "reach from 1.000 to 2.000 s, color images from 5.000 to 6.000 s; the "
+            "nearest two are 3.000 s apart",
         ),
         (
             [1.0],

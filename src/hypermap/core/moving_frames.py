@@ -144,7 +144,9 @@ class MovingFrames:
         while at in self._edges:
             parent, motion = self._edges[at]
             if parent in path:
-                raise FrameError(f"the frames {', '.join(path)} form a loop")
+                names = list(path)
+                loop = " below ".join([*names[names.index(parent) :], parent])
+                raise FrameError(f"the frames {loop} form a loop")
             path[parent] = (motion, *path[at])
             at = parent
         return path

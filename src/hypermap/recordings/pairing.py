@@ -96,9 +96,18 @@ def _with_color(
         raise FormatError(
             f"no depth image has a color image within {max_difference:g} s "
             f"(--max-time-difference): depth images reach {_span(depth_stamps)}, color images "
-            f"{_span(color_stamps)}"
+            f"{_span(color_stamps)}{_nearest(depth_stamps, color_stamps)}"
         )
     return depth, color
+
+
+def _nearest(stamps: NDArray[np.float64], others: NDArray[np.float64]) -> str:
+    """Say how near the stamps of two lists come to each other."""
+    either = np.concatenate([stamps, others])
+    order = np.argsort(either, kind="stable")
+    is_pair = np.diff(order < len(stamps))
+    steps = np.diff(either[order])[is_pair]
+    return f"; the nearest two are {steps.min():.3f} s apart" if len(steps) else ""
 
 
 def associate(

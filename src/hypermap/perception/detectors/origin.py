@@ -81,6 +81,8 @@ def detection_origin(
     len(recording)  # if it is damaged or incomplete, that comes first
     info = recording.info()
     if has_recorded_detections(info):
+        if info.missing:
+            raise HypermapError(f"{recording.path}: {'; '.join(info.missing)}")
         return DetectionOrigin()
     raise HypermapError(f"{recording.path}: {no_detections(info)}")
 

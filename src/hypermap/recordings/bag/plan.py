@@ -72,12 +72,20 @@ class BagPlan:
                 "are cut out next to where they are (--register)"
             )
         notes += dict.fromkeys(said for _, said in (self._rectified, self._color_rectified) if said)
-        if self._topics.detections:
-            matched = sum(found is not None for found in self.detections)
-            notes.append(f"{matched} of {len(self.frames)} frames have recorded detections")
-            names = [name for found in self.detections if found is not None for name in found.names]
-            if names and all(name.isdigit() for name in names):
-                notes.append("the recorded detections name classes by number, and so will the map")
+        return [*notes, *self._notes_on_detections()] if self._topics.detections else notes
+
+    def _notes_on_detections(self) -> list[str]:
+        matched = sum(found is not None for found in self.detections)
+        notes = [f"{matched} of {len(self.frames)} frames have recorded detections"]
+        stamps = self._contents.detections.keys()
+        if matched and self.color_topic and not stamps & self._contents.color.stamps.keys():
+            notes.append(
+                "no recorded detections have exactly the stamp of a color image: if they were "
+                "stamped after the image, objects are next to where they are"
+            )
+        names = [name for found in self.detections if found is not None for name in found.names]
+        if names and all(name.isdigit() for name in names):
+            notes.append("the recorded detections name classes by number, and so will the map")
         return notes
 
     def left_out(self) -> list[str]:
@@ -86,6 +94,18 @@ class BagPlan:
         if repeated := self._contents.geometry.repeated + self._contents.color.repeated:
             notes.append(f"{repeated} images repeat a stamp and are left out")
         return notes
+
+    def detections_elsewhere(self) -> list[str]:
+        """Return a sentence if there are recorded detections, but none of any frame."""
+        topic = self._topics.detections
+        if topic is None or any(found is not None for found in self.detections):
+            return []
+        limit = self._options.max_time_difference
+        return [
+            f"none of the recorded detections on {topic.name} has the stamp of a frame's image, or "
+            f"one up to {limit:g} s beside it (--max-time-difference): record them with the stamp "
+            "of the image in which they were detected, or give --detector"
+        ]
 
     @property
     def damaged(self) -> list[tuple[int, FormatError]]:
@@ -277,13 +297,12 @@ class BagPlan:
     def frames(self) -> FramePlan:
         """Which images form a frame, and their poses."""
         color = self._contents.color.seconds() if self.color_topic else None
-        return plan_frames(
-            self._contents.geometry.seconds(),
-            color,
-            self.motion,
-            self._contents.transforms.span(),
-            self._options,
-        )
+        depth, span = self._contents.geometry.seconds(), self._contents.transforms.span()
+        motion = self.motion
+        try:
+            return plan_frames(depth, color, motion, span, self._options)
+        except FormatError as error:
+            raise FormatError("; ".join([str(error), *self._tree[1]])) from None
 
     @cached_property
     def stamps(self) -> list[tuple[int, ...]]:
@@ -316,7 +335,10 @@ class BagPlan:
         try:
             return self._contents.transforms.frames(self._options.max_pose_gap)
         except FrameError as error:
-            raise FormatError(f"tf is broken: {error}") from None
+            raise FormatError(
+                f"tf is broken: {error}; one of the nodes that publish them has to stop, or swap "
+                "parent and child; record again"
+            ) from None
 
     @property
     def _camera_frame(self) -> str:

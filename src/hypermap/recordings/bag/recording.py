@@ -117,6 +117,7 @@ class BagRecording:
                         "there are neither color images nor recorded detections, and so no "
                         "objects; name one with --color-topic or --detections-topic if it is there"
                     )
+                missing += plan.detections_elsewhere()
             notes += self._occupancy_note()
         except HypermapError as error:
             missing.append(str(error))

@@ -23,7 +23,8 @@ DETECTIONS = ("darknet_ros_msgs/msg/BoundingBoxes", "vision_msgs/msg/Detection2D
 _COLOR_WORDS = ("color", "colour", "rgb")
 _THERMAL_WORDS = ("thermal", "flir", "lwir")
 _NO_COLOR_WORDS = ("depth", "infra", "/ir/", "disparity", "mask", "label", "segment", "confidence")
-_REGISTERED_WORDS = ("registered", "aligned")
+_REGISTERED_WORDS = ("registered", "aligned", "depth_to_rgb", "depth_to_color")
+_COLOR_IN_DEPTH = "_to_depth"  # color registered to depth, as of azure_kinect_ros_driver
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
             options.detections_topic,
             _is(*DETECTIONS),
             _is(*DETECTIONS),
-            lambda topic: -topic.count,
+            _detections_rank(color.name if color else near),
         ),
         choice.pick("map", options.map_topic, _is(OCCUPANCY), _is_map, _map_rank),
         tuple(topic for topic in choice.topics if topic.type in TRANSFORMS),
@@ -187,11 +188,12 @@ def _is_depth_type(topic: Topic) -> bool:
 def _is_depth(topic: Topic) -> bool:
     if topic.type == COMPRESSED:
         return topic.name.endswith("/compressedDepth")
-    return topic.type == IMAGE and "depth" in topic.name.lower()
+    name = topic.name.lower()
+    return topic.type == IMAGE and "depth" in name and _COLOR_IN_DEPTH not in name
 
 
 def _is_color(topic: Topic) -> bool:
-    name = topic.name.lower()
+    name = topic.name.lower().replace(_COLOR_IN_DEPTH, "")
     return topic.type in (IMAGE, COMPRESSED) and not _has(name, _NO_COLOR_WORDS)
 
 
@@ -210,10 +212,12 @@ def _cloud_rank(topic: Topic) -> Any:
 
 def _color_rank(near: str) -> Callable[[Topic], Any]:
     """Color by name, of the same camera as the depth, converted and uncompressed first."""
+    is_registered = _has(near, _REGISTERED_WORDS)
 
     def rank(topic: Topic) -> Any:
         leaf = image_name(topic.name).rpartition("/")[2]
         return (
+            (_COLOR_IN_DEPTH in topic.name) == is_registered,
             not _has(topic.name.lower(), _COLOR_WORDS),
             -_shared_folders(topic.name, near),
             not _has(leaf, _COLOR_WORDS),  # image_color, where image_raw may be a Bayer pattern
@@ -235,6 +239,11 @@ def _info_rank(depth: str, color: str) -> Callable[[Topic], Any]:
         )
 
     return rank
+
+
+def _detections_rank(near: str) -> Callable[[Topic], Any]:
+    """Detections in images of the same camera, then the most of them."""
+    return lambda topic: (-_shared_folders(topic.name, near), -topic.count)
 
 
 def _map_rank(topic: Topic) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
 from hypermap.perception.frame import Camera
@@ -24,16 +25,18 @@ def camera_of_info(info: Any, width: int, height: int, is_rectified: bool) -> Ca
     Raises:
         FormatError: If the camera is not calibrated, or its images are of another size.
     """
-    if (info.width, info.height) not in ((width, height), (0, 0)):
-        raise FormatError(
-            f"the camera info is for images of {info.width} x {info.height} pixels, but the depth "
-            f"images have {width} x {height}; choose another with --camera-info-topic, or give "
-            "--intrinsics to `hypermap map`"
-        )
     if is_rectified and has_distortion(info):
         K = np.array(_field(info, "P"), dtype=float).reshape(3, 4)[:, :3]
     else:
         K = np.array(_field(info, "K"), dtype=float).reshape(3, 3)
+    if (info.width, info.height) not in ((width, height), (0, 0)):
+        K, size = _read_out(K, info)
+        if size != (width, height):
+            raise FormatError(
+                f"the camera info is for images of {info.width} x {info.height} pixels, but the "
+                f"depth images have {width} x {height}; choose another with --camera-info-topic, "
+                "or give --intrinsics to `hypermap map`"
+            )
     try:
         return Camera(K, width, height)
     except ValueError as error:
@@ -41,6 +44,22 @@ def camera_of_info(info: Any, width: int, height: int, is_rectified: bool) -> Ca
             f"the camera info contains no calibration ({error}); calibrate the camera, or "
             "give --intrinsics to `hypermap map`"
         ) from None
+
+
+def _read_out(K: NDArray[np.float64], info: Any) -> tuple[NDArray[np.float64], tuple[int, int]]:
+    """Return intrinsics and size of images that show a part of the sensor, or its pixels binned.
+
+    The size and intrinsics of a camera info are those of the whole sensor, as those of images that
+    image_proc has cropped or decimated.
+
+    Source: sensor_msgs/CameraInfo; PinholeCameraModel of image_geometry.
+    """
+    roi, columns, rows = info.roi, info.binning_x or 1, info.binning_y or 1
+    width, height = (
+        (roi.width, roi.height) if roi.width and roi.height else (info.width, info.height)
+    )
+    part = K - [[0, 0, roi.x_offset], [0, 0, roi.y_offset], [0, 0, 0]]
+    return np.diag([1 / columns, 1 / rows, 1]) @ part, (width // columns, height // rows)
 
 
 def has_distortion(info: Any) -> bool:

@@ -16,6 +16,9 @@ from hypermap.recordings.messages.header import as_seconds, clean_frame, nanosec
 
 Edge = tuple[str, str]  # parent, child
 
+_JUMP_BACK = 1.0  # [s] by which a stamp is earlier than the one before it if a clock was set back
+_SAME = 1e-4  # difference of poses that are the same [m, rad]
+
 
 class TransformLog:
     """Collects transforms; `frames` makes the tree of them all.
@@ -63,14 +66,11 @@ class TransformLog:
         Raises:
             FrameError: If the frames form a loop.
         """
-        motions: dict[Edge, Motion] = {
-            edge: _trajectory(log, max_gap) for edge, log in self._moving.items()
-        }
-        motions.update({edge: FixedPose(pose) for edge, pose in self._fixed.items()})
+        motions, notes = self._motions(max_gap)
         parents: dict[str, list[str]] = defaultdict(list)
         for parent, child in motions:
             parents[child].append(parent)
-        edges, notes = {}, []
+        edges = {}
         for child, candidates in parents.items():
             # A frame with two parents is an error; like most programs, use the most frequent one.
             parent = max(candidates, key=lambda p: len(self._moving.get((p, child), ())))
@@ -86,9 +86,66 @@ class TransformLog:
             notes.append(f"{self.unnamed} transforms do not name their frames and are left out")
         return MovingFrames(edges), notes
 
+    def _motions(self, max_gap: float) -> tuple[dict[Edge, Motion], list[str]]:
+        """Return how the frames of each edge move, and notes on problems."""
+        motions: dict[Edge, Motion] = {}
+        notes, twice = [], {}
+        for edge, log in self._moving.items():
+            table = np.frombuffer(log).reshape(-1, 8)
+            if (pose := self._fixed.get(edge)) is not None:
+                poses = pose_matrix(table[:, 1:4], table[:, 4:])
+                if np.allclose(poses, pose, atol=_SAME):
+                    motions[edge] = FixedPose(pose)
+                    continue
+                notes.append(
+                    f"frame {edge[1]!r} is fixed in {edge[0]!r} by tf_static, but moves in tf: "
+                    "what tf_static says of it is left out"
+                )
+            is_twice = _is_twice(table)
+            if is_twice.any():
+                twice[edge] = table[is_twice, 0]
+                is_twice[0] &= not is_twice.all()  # the frame stays in the tree
+            motions[edge] = _trajectory(table[~is_twice], max_gap)
+        if twice:
+            notes.append(_said_twice(twice))
+        fixed = {edge: FixedPose(pose) for edge, pose in self._fixed.items()}
+        return {**motions, **{edge: fixed[edge] for edge in fixed if edge not in motions}}, notes
 
-def _trajectory(log: array[float], max_gap: float) -> Trajectory:
-    table = np.frombuffer(log).reshape(-1, 8)
+
+def _is_twice(table: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which transforms are of times that are there twice, after a clock was set back.
+
+    Args:
+        table: stamps and poses in the order of recording, shape (N, 8).
+
+    Returns:
+        Shape (N,). What was recorded again unchanged, as from a bag that is played in a loop, does
+        not count.
+    """
+    run = np.cumsum(np.diff(table[:, 0], prepend=table[0, 0]) < -_JUMP_BACK)
+    is_twice = np.zeros(len(table), dtype=bool)
+    if run[-1] == 0:
+        return is_twice
+    new = np.sort(np.unique(table, axis=0, return_index=True)[1])
+    stamps, run = table[new, 0], run[new]
+    starts = np.flatnonzero(np.diff(run, prepend=-1))
+    first, last = np.minimum.reduceat(stamps, starts), np.maximum.reduceat(stamps, starts)
+    begun = np.searchsorted(np.sort(first), table[:, 0], side="right")
+    ended = np.searchsorted(np.sort(last), table[:, 0], side="left")
+    return begun - ended > 1
+
+
+def _said_twice(twice: dict[Edge, NDArray[np.float64]]) -> str:
+    (parent, child), stamps = max(twice.items(), key=lambda item: len(item[1]))
+    others = f" (and {len(twice) - 1} more)" if len(twice) > 1 else ""
+    return (
+        f"the stamps of tf go back: poses of {child!r} in {parent!r}{others} are there twice from "
+        f"{stamps.min():.3f} to {stamps.max():.3f} s, and are left out; was a simulation begun "
+        "again, or a clock set back? Record each run in a bag of its own"
+    )
+
+
+def _trajectory(table: NDArray[np.float64], max_gap: float) -> Trajectory:
     # Of several transforms with the same stamp, the one that came last.
     _, last = np.unique(table[::-1, 0], return_index=True)
     table = table[::-1][last]
