@@ -23,7 +23,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.samples import Samples
 from hypermap.core.semantic import SemanticObject
-from hypermap.core.trajectory import Trajectory, pose_from_rpy, trajectory_of
+from hypermap.core.trajectory import Trajectory, invert, pose_from_rpy, trajectory_of
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.array_file import ArrayFile, dump_arrays, parse_arrays
@@ -260,6 +260,25 @@ def test_samples_move_along_and_their_layer_is_made_again() -> None:
 def test_a_map_without_frames_is_not_corrected() -> None:
     with pytest.raises(CannotCorrect, match="none of the 0 frames"):
         Mapper(profile("default"), SOURCE).correct(truth())
+
+
+@pytest.mark.parametrize("how", ["quaternions begin with w", "of the body", "inverse"])
+def test_poses_of_another_convention_are_refused(how: str) -> None:
+    right = truth()
+    poses = right.at(right.stamps)
+    if how == "of the body":
+        given = trajectory_of(
+            right.stamps, poses @ pose_from_rpy(0, 0, 0, np.pi / 2, -np.pi / 2, 0)
+        )
+    elif how == "inverse":
+        given = trajectory_of(right.stamps, invert(poses))
+    else:
+        given = dataclasses.replace(right, quats_xyzw=np.roll(right.quats_xyzw, 1, axis=1))
+    mapper = Mapper.onto(drifted_map(), SOURCE)
+    before = mapper.logged_poses()[1]
+    with pytest.raises(CannotCorrect, match=r"tilt the camera by \d+ degrees from where it was"):
+        mapper.correct(given)
+    assert (mapper.logged_poses()[1] == before).all()
 
 
 @pytest.mark.parametrize(("axis", "far"), [(0, 1e12), (1, 1e308), (2, 1e9)])

@@ -29,6 +29,7 @@ from hypermap.mapping.tracks import TrackTable
 from hypermap.mapping.usable import FARTHEST_POSE
 
 _AT_ONCE = 64  # frames that are moved together
+_MOST_TILT = 15.0  # [degrees] by which a correction may tilt the camera, as its median
 
 
 class CannotCorrect(HypermapError):
@@ -137,7 +138,9 @@ def corrected_poses(
             f"the poses, from {begin:.6f} to {end:.6f} s, are of none of the {len(stamps)} frames "
             f"that the map keeps for this{known}{gaps}"
         )
-    poses[is_covered] = _moved_along(stamps[is_covered], poses[is_covered], trajectory)
+    moved = _moved_along(stamps[is_covered], poses[is_covered], trajectory)
+    _check_tilts(poses[is_covered], moved)
+    poses[is_covered] = moved
     if not (np.abs(poses[:, :3, 3]) <= FARTHEST_POSE).all():
         raise CannotCorrect(f"a pose is farther away than {FARTHEST_POSE:g} m")
     return poses, is_covered
@@ -171,6 +174,22 @@ def _moved_along(
         known = np.unique(known)
     corrections = trajectory_of(known, trajectory.at(known) @ invert(own.at(known)))
     return corrections.at(np.clip(stamps, known[0], known[-1])) @ poses
+
+
+def _check_tilts(before: NDArray[np.float64], after: NDArray[np.float64]) -> None:
+    """Make sure that new poses are of the same camera: a correction hardly tilts it.
+
+    Raises:
+        CannotCorrect: If it does.
+    """
+    up = np.einsum("nij,nij->ni", before[:, :3, :3], after[:, :3, :3])[:, 2]
+    tilt = float(np.degrees(np.arccos(np.clip(np.median(up), -1, 1))))
+    if tilt > _MOST_TILT:
+        raise CannotCorrect(
+            f"the poses tilt the camera by {tilt:.0f} degrees from where it was: they have to be "
+            "those of its optical frame (x right, y down, z forward) in the map, with quaternions "
+            "in the order x, y, z, w, or of another --pose-convention"
+        )
 
 
 @paused_collector()  # there is no garbage, and searching for it takes a tenth of the time

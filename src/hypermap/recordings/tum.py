@@ -191,8 +191,10 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
     for key, text in read_lines(path):
         numbers = finite_numbers(words_of(text), path, key)
         if len(numbers) != 8:
+            is_kitti = len(numbers) == 12
             raise FormatError(
-                f"expected 8 numbers (stamp tx ty tz qx qy qz qw), found {len(numbers)}",
+                f"expected 8 numbers (stamp tx ty tz qx qy qz qw), found {len(numbers)}"
+                + ("; matrices, as of KITTI, have no stamps: write them in this form" * is_kitti),
                 path=path,
                 key=key,
             )
