@@ -176,3 +176,22 @@ def test_maps_that_share_only_a_strip_along_walls_tell_nothing():
     assert not found.differs
     assert not found.fits
     assert dataclasses.replace(found, telling=8.0).differs
+
+
+@pytest.mark.parametrize(
+    ("agree", "sightings", "near", "differs"),
+    [
+        (0.47, 6, 0, True),  # a place whose walls lie alike by chance, and none of its objects do
+        (0.47, 4, 0, False),
+        (0.47, 6, 1, False),
+        (0.52, 12, 0, False),
+        (0.56, 39, 0, True),
+        (0.56, 39, 1, False),
+        (0.3, 0, 0, True),
+    ],
+)
+def test_sightings_none_of_which_is_near_count_though_they_are_few(
+    agree: float, sightings: int, near: int, differs: bool
+) -> None:
+    found = Likeness(wall=30.0, agree=agree, telling=20.0, sightings=sightings, near=near)
+    assert found.differs == differs
