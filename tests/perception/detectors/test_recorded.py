@@ -63,6 +63,37 @@ def test_stamps_may_be_nanoseconds_as_in_the_lists_of_images(tmp_path: Path) -> 
     assert RecordedDetections.load(path).at(1_700_000_000.25).names == ("cup",)
 
 
+def test_masks_may_be_in_the_compressed_form_in_which_programs_write_coco_results(
+    tmp_path: Path,
+) -> None:
+    lengths = [6, 1, 40, 4, 5, 4, 5, 4, 21]  # as COCO's mask API decodes the text
+    text, size = "61X13mN000`0", (9, 10)
+    path = write(
+        tmp_path / "detections.json",
+        {"frames": {"1": [CUP | {"mask": {"size": size, "counts": text}}]}},
+    )
+    masks = RecordedDetections.load(path).at(1.0).masks
+    assert masks is not None
+    np.testing.assert_array_equal(masks[0], rle.decode(lengths, *size))
+
+
+@given(st.lists(st.integers(0, 2**28), max_size=12))
+def test_counts_as_text_are_those_that_were_written(counts: list[int]) -> None:
+    assert rle.from_text("".join(map(_as_text, differences(counts)))) == counts
+
+
+def differences(counts: list[int]) -> list[int]:
+    return [count - (counts[i - 2] if i > 2 else 0) for i, count in enumerate(counts)]
+
+
+def _as_text(number: int) -> str:
+    """Return a number as COCO's mask API writes it, by its own description."""
+    bits, number = number & 0x1F, number >> 5
+    if number == (-1 if bits & 0x10 else 0):
+        return chr(48 + bits)
+    return chr(48 + bits + 0x20) + _as_text(number)
+
+
 def test_the_nearest_of_two_close_stamps_is_taken() -> None:
     recorded = RecordedDetections()
     recorded.add(1.0008, Detections.of([[0, 0, 1, 1]], ["later"]))
@@ -112,6 +143,16 @@ MASK = {"size": [2, 3], "counts": [1, 2, 3]}
         ({"name": ""}, "name: String should have at least 1 character"),
         ({"name": 7}, "name: Input should be a valid string"),
         ({"mask": MASK | {"counts": [1, 2]}}, "mask: the counts add up to 3, not to 2 x 3 pixels"),
+        ({"mask": MASK | {"counts": "12"}}, "mask: the counts add up to 3, not to 2 x 3 pixels"),
+        (
+            {"mask": MASK | {"counts": "1N"}},
+            "mask: counts: 1: Input should be greater than or equal to 0",
+        ),
+        ({"mask": MASK | {"counts": "1X"}}, "mask: counts: the text of a mask's counts is cut off"),
+        (
+            {"mask": MASK | {"counts": "eJyz"}},
+            "mask: counts: expected counts as COCO's mask API writes them, a list or a text",
+        ),
         (
             {"mask": {"size": [1 << 40, 1], "counts": [1 << 40]}},
             "mask: size: 0: Input should be less than or equal to 16384",

@@ -7,7 +7,7 @@
 ```
 
 A frame's key is the stamp of its color image [s], `box` is xmin, ymin, xmax, ymax in pixels; the
-mask, in COCO's uncompressed form, may be left out.
+mask, in COCO's uncompressed or compressed form, may be left out.
 """
 
 from __future__ import annotations
@@ -21,7 +21,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, Field, NonNegativeInt, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    Field,
+    NonNegativeInt,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.outside import write_file
@@ -44,6 +51,11 @@ _Coordinate = Annotated[float, Field(ge=-MAX_SIDE, le=2 * MAX_SIDE, allow_inf_na
 class _Mask(BaseModel, strict=True):
     size: tuple[_Side, _Side]
     counts: list[NonNegativeInt]
+
+    @field_validator("counts", mode="before")
+    @classmethod
+    def _expand(cls, counts: Any) -> Any:
+        return rle.from_text(counts) if isinstance(counts, str) else counts
 
     @model_validator(mode="after")
     def _check(self) -> _Mask:
