@@ -122,15 +122,19 @@ def test_intrinsics_may_lie_one_folder_up_as_those_of_all_scenes_of_replica(
     assert_shows(next(open_recording(".").frames()), SHOTS[0])
 
 
-def test_a_folder_without_images_does_not_hide_another_one_with_them(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["rgb", "image", "images"])
+def test_a_folder_without_images_does_not_hide_another_one_with_them(
+    tmp_path: Path, name: str
+) -> None:
     folder = write_redwood(tmp_path / "scene", SHOTS)
-    (folder / "color").rename(folder / "rgb")
+    (folder / "color").rename(folder / name)
     (folder / "color").mkdir()
-    for path in (folder / "rgb").iterdir():
+    for path in (folder / name).iterdir():
         path.rename(path.with_suffix(".PNG"))
     recording = open_recording(folder)
     assert_shows(next(recording.frames()), SHOTS[0])
-    assert ("rgb/*.PNG", 4) in [(stream.name, stream.count) for stream in recording.info().streams]
+    streams = recording.info().streams
+    assert (f"{name}/*.PNG", 4) in [(stream.name, stream.count) for stream in streams]
 
 
 @pytest.mark.parametrize("ticks", [10**3, 10**6, 10**9])
@@ -176,6 +180,16 @@ def test_depth_of_replica_has_its_own_scale_where_no_file_says_another(tmp_path:
     assert frame.depth[-1, -1] == pytest.approx(5 * 1500 / 6553.5)
 
 
+def test_poses_of_one_file_may_lack_the_last_row_of_each_matrix_as_those_of_kitti(
+    tmp_path: Path,
+) -> None:
+    folder = write_replica(tmp_path / "room0", SHOTS)
+    path = folder / "traj.txt"
+    np.savetxt(path, np.loadtxt(path)[:, :12])
+    for frame, shot in zip(open_recording(folder).frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
 def rewrite(name: str, text: str) -> Callable[[Path], object]:
     return lambda folder: (folder / name).write_text(text)
 
@@ -193,7 +207,15 @@ def rewrite(name: str, text: str) -> Callable[[Path], object]:
             write_replica,
             rewrite("traj.txt", "1 0 0 0\n"),
             FormatError,
-            "{}/traj.txt: line 1: expected 16 numbers in each line, row by row of a 4 x 4 matrix",
+            "{}/traj.txt: line 1: expected 16 or 12 numbers in each line, row by row of a 4 x 4 "
+            "matrix",
+        ),
+        (
+            write_replica,
+            rewrite("traj.txt", " 1 0 0 0 0 1 0 0 0 0 1 0\n 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"),
+            FormatError,
+            "{}/traj.txt: line 2: expected 16 or 12 numbers in each line, row by row of a 4 x 4 "
+            "matrix",
         ),
         (
             write_replica,

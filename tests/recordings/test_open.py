@@ -74,6 +74,35 @@ def test_a_foreign_file_is_an_error_that_lists_what_was_looked_for(
     assert str(caught.value) == f"{tmp_path / name}: no recording found; {LOOKED_FOR}"
 
 
+@pytest.mark.parametrize(
+    ("file", "named", "hint"),
+    [
+        ("seq.zip", "", "unpack seq.zip first"),
+        ("seq.tar.gz", "seq.tar.gz", "unpack seq.tar.gz first"),
+        (
+            "depth/frame_00001.png",
+            "",
+            "the files in depth, such as frame_00001.png, are not PNG images named by the number "
+            "of their frame, such as 0.png",
+        ),
+        (
+            "depth/0.npy",
+            "",
+            "the files in depth, such as 0.npy, are not PNG images named by the number of their "
+            "frame, such as 0.png",
+        ),
+    ],
+)
+def test_what_may_be_wrong_with_a_foreign_folder_is_said(
+    tmp_path: Path, file: str, named: str, hint: str
+) -> None:
+    (tmp_path / file).parent.mkdir(exist_ok=True)
+    (tmp_path / file).touch()
+    with pytest.raises(FormatError) as caught:
+        open_recording(tmp_path / named)
+    assert str(caught.value) == f"{tmp_path / named}: no recording found; {hint}; {LOOKED_FOR}"
+
+
 def test_a_folder_of_recordings_names_them(tmp_path: Path) -> None:
     (tmp_path / "notes").mkdir()
     write_seven_scenes(tmp_path / "seq-01", make_shots(1))

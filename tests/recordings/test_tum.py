@@ -105,6 +105,16 @@ def test_poses_out_of_order_and_repeated_are_sorted_out_and_noted(folder: Path) 
     )
 
 
+def test_commas_may_separate_stamps_from_names_as_in_the_lists_of_euroc(folder: Path) -> None:
+    for name in ("rgb.txt", "depth.txt"):
+        lines = [line.split() for line in (folder / name).read_text().splitlines()]
+        lines = [line for line in lines if line[0] != "#"]
+        text = "#timestamp [ns],filename\n" + "\n".join(",".join(line) for line in lines)
+        (folder / name).write_text(text)
+    for frame, shot in zip(opened(folder).frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
 def test_commas_may_separate_the_numbers_of_poses(folder: Path) -> None:
     before = [frame.map_T_camera for frame in opened(folder).frames()]
     path = folder / "groundtruth.txt"

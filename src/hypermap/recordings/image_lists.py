@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,13 +30,15 @@ class ImageList:
 def read_image_list(path: Path) -> ImageList:
     """Return the images that a list names, in the list's order.
 
+    A line is a stamp and a file name, with space or a comma between them, as in EuRoC's lists.
+
     Raises:
         FileMissing: If there is no list.
         FormatError: If a line is not a stamp and a file name, or there is none.
     """
     stamps, paths = [], []
     for key, text in read_lines(path):
-        stamp, *name = text.split(maxsplit=1)
+        stamp, *name = re.split(r"\s*,\s*|\s+", text, maxsplit=1)
         if not name:
             raise FormatError(
                 f"expected a stamp and a file name, found {text!r}", path=path, key=key

@@ -127,7 +127,9 @@ _FOLDERS = Layout(
     "numbered images",
     Files(("depth",), re.compile(r"(?i)(\d+)\.png"), "depth/*.png"),
     Files(
-        ("color", "rgb", "image"), re.compile(r"(?i)(\d+)\.(?:jpe?g|png)"), "color/*.jpg or .png"
+        ("color", "rgb", "image", "images"),
+        re.compile(r"(?i)(\d+)\.(?:jpe?g|png)"),
+        "color/*.jpg or .png (or in rgb, image or images)",
     ),
     Files(("pose", "poses"), re.compile(r"(\d+)\.txt"), "pose/*.txt"),
     ("traj.txt", "trajectory.log", "scene/trajectory.log"),

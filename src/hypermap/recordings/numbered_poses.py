@@ -47,15 +47,17 @@ def _pose_in(path: Path) -> NumberedPose:
 
 
 def _poses_in(path: Path) -> list[NumberedPose]:
-    """Return the poses of a file of all: 16 numbers a line, or four rows after a line of three.
+    """Return the poses of a file of all: a matrix a line, or four rows after a line of three.
 
+    A line has the 16 numbers of a 4 x 4 matrix, or the first 12 of them, as in KITTI's files.
     Source of the second format: Choi et al., CVPR 2015 (Redwood), as Open3D writes it.
     """
     lines = [(key, parse_numbers(words_of(text), path, key)) for key, text in read_lines(path)]
     if path.suffix == ".log":
         lengths, expected = [3, 4, 4, 4, 4], "groups of three numbers and four rows of four"
     else:
-        lengths, expected = [16], "16 numbers in each line"
+        length = 12 if lines and len(lines[0][1]) == 12 else 16
+        lengths, expected = [length], "16 or 12 numbers in each line"
     count = len(lengths)
     wrong = [key for i, (key, row) in enumerate(lines) if len(row) != lengths[i % count]]
     if wrong or not lines or len(lines) % count:
@@ -64,7 +66,8 @@ def _poses_in(path: Path) -> list[NumberedPose]:
         raise FormatError(what, path=path, key=place)
     rows = [row for _, row in lines]
     poses = [np.concatenate(rows[i : i + count])[-16:] for i in range(0, len(rows), count)]
-    return [_rigid_or_error(pose.reshape(4, 4), path) for pose in poses]
+    matrices = [pose.reshape(-1, 4) for pose in poses]
+    return [_rigid_or_error(np.vstack([pose, np.eye(4)[len(pose) :]]), path) for pose in matrices]
 
 
 def _rigid_or_error(matrix: NDArray[np.float64], path: Path) -> NumberedPose:

@@ -21,6 +21,7 @@ _LOOKED_FOR = (
     "others"
 )
 _BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
+_PACKED = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar")
 
 
 def open_recording(path: str | Path, options: RecordingOptions | None = None) -> PendingRecording:
@@ -48,8 +49,21 @@ def open_recording(path: str | Path, options: RecordingOptions | None = None) ->
                 f"name it, as {path / recordings[0]}",
                 path=path,
             )
-        raise FormatError(f"no recording found; looked for {_LOOKED_FOR}", path=path)
+        raise FormatError(f"no recording found{_hint(path)}; looked for {_LOOKED_FOR}", path=path)
     return open_it(path, options or RecordingOptions())
+
+
+def _hint(path: Path) -> str:
+    """Return what may be wrong with a file or folder that is no recording; "" if unknown."""
+    inside = [path] if path.is_file() else sorted(path.iterdir())
+    if packed := next((p for p in inside if p.suffix.lower() in _PACKED and p.is_file()), None):
+        return f"; unpack {packed.name} first"
+    if depth := sorted(path.glob("depth/[!.]*")):
+        return (
+            f"; the files in depth, such as {depth[0].name}, are not PNG images named by the "
+            "number of their frame, such as 0.png"
+        )
+    return ""
 
 
 def is_recording(path: Path) -> bool:
