@@ -152,6 +152,15 @@ def test_how_big_a_room_is_may_be_asked_by_what_is_in_it(with_doors: Hypermap) -
         ("the nearest chair to the couch", [4]),
         ("the 2 nearest seats to the couch", [4, 3]),  # it is not near itself
         ("the farthest chair from the couch", [3]),
+        ("the second nearest seat to the couch", [3]),
+        ("the third largest thing in the hall", [4]),  # a chair as large as the one before
+        ("the tallest thing", [3]),
+        ("the third tallest thing", [5]),
+        ("tables with a cup on them", [0]),
+        ("what has anything on it", [0]),
+        ("chairs with a cup on them", []),
+        ("seats without a cup on them", [3, 4, 5]),
+        ("seats near a table with a cup on it", [3, 4]),
         ("the largest object", [0]),
         ("the smallest thing in the hall", [1]),
         ("which seat are you most sure of?", [5]),
@@ -202,6 +211,26 @@ def test_the_short_form_of_an_answer_says_what_was_found(
     assert repr(answer_to(flat, question)) == f"<Answer: {said}>"
 
 
+def test_of_too_few_it_is_said_how_many_there_are(flat: Hypermap) -> None:
+    answer = answer_to(flat, "the third nearest couch", Pose2D(0, 0))
+    assert (answer.count, answer.notes) == (0, ("there is 1",))
+    assert ("which", "the 3rd nearest") in understood(answer.query)
+
+
+def test_the_tallest_is_among_those_whose_heights_are_known(flat: Hypermap) -> None:
+    plain = SemanticLayer("plain", "map", [SemanticObject("mast", shapely.box(0, 0, 1, 1))])
+    answer = answer_to(Hypermap([*flat, plain]), "the tallest thing")
+    assert (ids(answer), answer.notes) == ([3], ("1 more has no known height",))
+    with pytest.raises(HypermapError, match="does not have the heights of objects"):
+        answer_to(Hypermap([plain]), "the tallest thing")
+
+
+@pytest.mark.parametrize("question", ["the newest room", "which room is the tallest"])
+def test_rooms_are_ordered_by_size_or_distance_alone(flat: Hypermap, question: str) -> None:
+    with pytest.raises(HypermapError, match="ask for the largest or the nearest"):
+        answer_to(flat, question, Pose2D(1, 1))
+
+
 @pytest.mark.parametrize(
     ("question", "heading"),
     [
@@ -234,6 +263,7 @@ def test_what_is_around_someone_depends_on_the_heading(
         ("which rooms are there", 2, ["hall", "kitchen"]),
         ("how many rooms are there", 2, ["hall", "kitchen"]),
         ("which is the largest room", 1, ["hall"]),
+        ("which is the second largest room", 1, ["kitchen"]),
         ("is there a library", 0, []),
         ("how far is the kitchen from the couch", 1, ["kitchen"]),
         ("how many chairs are in each room", 2, ["hall", "kitchen"]),

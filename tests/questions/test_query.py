@@ -80,10 +80,13 @@ COUNTS = st.builds(
     count=st.none() | st.integers(1, 9),
     per=st.just("room"),
 )
+RANKED = st.builds(
+    Query, names=NAMES, which=st.sampled_from(["nearest", "tallest"]), rank=st.integers(1, 9)
+)
 
 
 @pytest.mark.xdist_group("json_schema")  # whose library takes a second to import
-@given(QUERIES | COUNTS)
+@given(QUERIES | COUNTS | RANKED)
 def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Query) -> None:
     values = query.to_json()
     json_validator(QUERY_SCHEMA).validate(values)
@@ -106,6 +109,10 @@ def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Q
         ({"rooms": ["kitchen"], "when": {"since": "2026-11-20"}}, "for rooms or for objects"),
         ({"count": 0}, "count must be at least 1"),
         ({"count": 1.5}, "count: expected a whole number"),
+        ({"which": "nearest", "rank": 0}, "rank must be at least 1"),
+        ({"rank": 2}, "a rank is of the nearest, the largest and so on"),
+        ({"which": "nearest", "rank": 2, "count": 2}, "without a count"),
+        ({"give": "labels", "which": "nearest", "rank": 2}, "a rank is of objects or rooms"),
         ({"where": [{"relation": "in"}]}, r"where\[0\]: the key 'what' is missing"),
         ({"where": [{"relation": "upon", "what": {"names": ["a"]}}]}, "no relation 'upon'"),
         ({"where": [{"relation": "in", "what": {}}]}, r"where\[0\].what: a reference is exactly"),

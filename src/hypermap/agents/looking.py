@@ -82,7 +82,7 @@ class Looking:
         near_name: Annotated[Name | None, Field(description="near an object of this name")] = None,
         within: Annotated[Meters, Field(description="the largest distance of near [m]")] = 1.0,
         which: Annotated[
-            Literal["largest", "smallest", "surest", "newest"] | None,
+            Literal["largest", "smallest", "tallest", "surest", "newest"] | None,
             Field(description="in this order"),
         ] = None,
         limit: Limit = 20,

@@ -58,7 +58,7 @@ def understood(query: Query) -> list[tuple[str, str]]:
     if query.as_of is not None:
         parts.append(("as of", minute_of(query.as_of)))
     if query.which is not None:
-        number = f"{query.count} " if query.count else ""
+        number = f"{query.count} " if query.count else _ordinal(query.rank)
         measured = f" to {_reference(query.start)}" if query.start else ""
         counted = " in a room" if query.per else ""
         parts.append(("which", f"the {number}{query.which}{counted}{measured}"))
@@ -77,6 +77,16 @@ def _asked(query: Query) -> str:
     return {"count": "how many rooms", "exists": "whether there is any room"}.get(
         query.give, _GIVES["rooms"]
     )
+
+
+def _ordinal(rank: int | None) -> str:
+    """Return a rank as "2nd ", with a blank; nothing for the first."""
+    if rank in (None, 1):
+        return ""
+    ending = {1: "st", 2: "nd", 3: "rd"}.get(
+        rank % 10 if rank % 100 not in (11, 12, 13) else 0, "th"
+    )
+    return f"{rank}{ending} "
 
 
 def _number(number: Number) -> str:

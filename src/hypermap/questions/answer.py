@@ -38,6 +38,7 @@ from hypermap.questions.finder import ASKER, Finder
 from hypermap.questions.noted import notes_at, notes_in
 from hypermap.questions.per_room import counted_by_room
 from hypermap.questions.query import OF_COUNTS, Query
+from hypermap.questions.relations import NO_HEIGHTS, heights_of
 from hypermap.questions.seen import seen_in
 from hypermap.questions.sizes import size_of_object
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
@@ -221,7 +222,7 @@ class _Asking:
             rows, measured = values_around(self._hypermap, query.measured, found.first())
             if query.which in ("highest", "lowest"):
                 known = [place for place, one in enumerate(measured) if one["cells"]]
-                known = (known[::-1] if query.which == "highest" else known)[: query.count or 1]
+                known = (known[::-1] if query.which == "highest" else known)[query.chosen]
                 rows, measured = [rows[i] for i in known], [measured[i] for i in known]
             found = found.take(np.array(rows, dtype=np.int64))
         if query.per is not None:
@@ -328,12 +329,14 @@ class _Asking:
         far: dict[int, float] = {}
         if query.which in ("largest", "smallest"):
             rooms.sort(key=lambda room: room.area, reverse=query.which == "largest")
-        elif query.which is not None or query.give == "distance":
+        elif query.which in ("nearest", "farthest") or query.give == "distance":
             near = shapely.union_all(self._finder.others(query.start or ASKER).shapes)
             far = {room.id: float(shapely.distance(room.outline, near)) for room in rooms}
             rooms.sort(key=lambda room: far[room.id], reverse=query.which == "farthest")
+        elif query.which is not None:
+            raise HypermapError(f"no room is the {query.which}; ask for the largest or the nearest")
         if query.which is not None:
-            rooms = rooms[: query.count or 1]
+            rooms = rooms[query.chosen]
         if far:
             self._finder.notes += [f"{room.name} is {far[room.id]:.2f} m away" for room in rooms]
         return [*rooms]
@@ -397,11 +400,32 @@ class _Asking:
             found = self._with_distances(found)
             if query.which == "farthest":
                 found = found.take(slice(None, None, -1))
+        elif query.which == "tallest":
+            found = self._tallest_first(found)
         elif query.which is not None and not is_later:
             found = found.take(_order(query.which, found))
         if query.which is not None and not is_later:
-            found = found.take(slice(0, query.count or 1))
+            found = self._ranked(found)
         return found.take(_order("newest", found)) if query.give == "last_seen" else found
+
+    def _ranked(self, found: Matches) -> Matches:
+        """Return the first ones, or the one of the rank that is asked for; a note if none is."""
+        rank = self._query.rank
+        if rank is not None and 0 < len(found) < rank:
+            self._finder.notes.append(f"there {'is' if len(found) == 1 else 'are'} {len(found)}")
+        return found.take(self._query.chosen)
+
+    def _tallest_first(self, found: Matches) -> Matches:
+        """Return the objects whose heights the map has, the tallest first."""
+        low, high = heights_of(found).T
+        known = np.flatnonzero(~np.isnan(high - low))
+        if len(found) and not len(known):
+            raise HypermapError(NO_HEIGHTS)
+        if len(known) < len(found):
+            more = len(found) - len(known)
+            said = f"{more} more {'has' if more == 1 else 'have'} no known height"
+            self._finder.notes.append(said)
+        return found.take(known[np.argsort((low - high)[known], kind="stable")])
 
     def _with_distances(self, found: Matches) -> Matches:
         """Return objects with their distances, nearest first; ties by those of their middles."""

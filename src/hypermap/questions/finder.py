@@ -27,6 +27,7 @@ from hypermap.questions.relations import (
     Stacks,
     any_pair,
     are_between,
+    are_carrying,
     are_near,
 )
 from hypermap.questions.taxonomy import Taxonomy
@@ -334,6 +335,8 @@ class Finder:
             middles: ObjectArray = np.asarray(shapely.points(found.centroids))
             is_so = None if relation == "in" else Stacks(relation, found, others)
             return any_pair(found, others, middles, "intersects", is_so=is_so)
+        if relation == "carrying":
+            return are_carrying(found, others)
         if relation == "visible from":
             return self._are_seen(condition.reference, found)
         asker = self._asker_pose()

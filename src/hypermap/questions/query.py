@@ -33,6 +33,7 @@ Relation: TypeAlias = Literal[
     "beyond",
     "on",
     "under",
+    "carrying",
     "left of",
     "right of",
     "in front of",
@@ -46,6 +47,7 @@ Which: TypeAlias = Literal[
     "farthest",
     "largest",
     "smallest",
+    "tallest",
     "surest",
     "newest",
     "highest",
@@ -111,10 +113,10 @@ class Condition:
     Attributes:
         relation: "near" and "beyond" compare the distance between shapes with `within`; sides, such
             as "left of", are as the asker sees the reference; those of the asker depend on the
-            heading. "visible from" needs a line of sight without walls; "with" holds for rooms that
-            contain such an object, "next door to" for rooms with a door to such a room,
-            "in the room of" for objects that share a room with one;
-            "between" is between the reference and the other one.
+            heading. "carrying" holds for objects on which there is such an object. "visible from"
+            needs a line of sight without walls; "with" holds for rooms that contain such an object,
+            "next door to" for rooms with a door to such a room, "in the room of" for objects that
+            share a room with one; "between" is between the reference and the other one.
         reference: the place, room or objects that it refers to. Any of the objects will do, but
             "between" needs a single one. "in" with the asker means in the same room.
         within: a distance [m]; None for "next to" (`NEXT_TO` in `answer`).
@@ -253,6 +255,7 @@ class Query:
         which: which of the objects to return; None for all. "highest" and "lowest" refer to
             `measured`, "most" and "fewest" to rooms and their objects, with `per`.
         count: how many of them; None for one if `which` is given, or all rooms that tie.
+        rank: 2 for the second nearest (largest, ...) alone, and so on; None for the first.
         start: the start of distances; None for the position of the asker.
         by: whether distances are straight ("air") or along paths for a robot.
         per: "room" counts the objects in each room: "count" returns all rooms with their counts, or
@@ -277,6 +280,7 @@ class Query:
     value: float | None = None
     which: Which | None = None
     count: int | None = None
+    rank: int | None = None
     start: Reference | None = None
     by: Measure = "air"
     per: Per | None = None
@@ -291,6 +295,12 @@ class Query:
             raise ValueError("a query asks for rooms or for objects, not for both")
         if self.count is not None and self.count < 1:
             raise ValueError(f"count must be at least 1, got {self.count}")
+        if self.rank is not None and self.rank < 1:
+            raise ValueError(f"rank must be at least 1, got {self.rank}")
+        if self.rank is not None and (self.which in (None, *OF_COUNTS) or self.count is not None):
+            raise ValueError("a rank is of the nearest, the largest and so on, without a count")
+        if self.rank is not None and self.give in ("labels", "places"):
+            raise ValueError("a rank is of objects or rooms")
         if self.as_of is not None and self.as_of.tzinfo is None:
             raise ValueError(f"{self.as_of.isoformat()} needs a time zone, as +01:00")
         if self.give == "places" and (self.measured is None or not self.measured.has_limits):
@@ -321,6 +331,13 @@ class Query:
             raise ValueError("a query asks for a number or for the most, not for both")
         if self.give == "exists" and self.number is None:
             raise ValueError("any room with how many? this needs a number")
+
+    @property
+    def chosen(self) -> slice:
+        """Which of the objects or rooms to return, if the first by `which` come first."""
+        if self.rank is not None:
+            return slice(self.rank - 1, self.rank)
+        return slice(0, self.count or 1)
 
     @property
     def describes_objects(self) -> bool:

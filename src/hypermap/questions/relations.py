@@ -18,6 +18,8 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Matches
 from hypermap.questions.sizes import height_of
 
+NO_HEIGHTS = "the map does not have the heights of objects (z_min, z_max)"
+
 _TOUCHING = 0.15  # [m] between an object and the top of the one below it, as measured
 _FIRST, _MORE = 16, 7  # others that objects are compared with at first, and how many times more
 _AT_ONCE = 1_000_000  # pairs at most, so that memory stays bounded
@@ -31,7 +33,7 @@ class Stacks:
 
     def __init__(self, relation: str, found: Matches, others: Matches) -> None:
         self._relation = relation
-        self._heights = _heights(found), _heights(others)
+        self._heights = heights_of(found), heights_of(others)
         self._areas = shapely.area(found.shapes), shapely.area(others.shapes)
 
     def __call__(self, at: IntArray, of: IntArray) -> BoolArray:
@@ -41,7 +43,7 @@ class Stacks:
         is_known = ~np.isnan(low + high + other_low + other_high)
         if self._relation == "under":
             if not is_known.all():
-                raise HypermapError("the map does not have the heights of objects (z_min, z_max)")
+                raise HypermapError(NO_HEIGHTS)
             is_so: BoolArray = (high <= other_high) & (low <= other_low + _TOUCHING)
             return is_so
         smaller = self._areas[0][at] < self._areas[1][of]
@@ -168,6 +170,18 @@ def _check_few(count: int, most: int) -> None:
         )
 
 
+def are_carrying(found: Matches, others: Matches) -> BoolArray:
+    """Return which objects have another one on them: its middle is in their footprint."""
+    on = Stacks("on", others, found)
+    middles: ObjectArray = np.asarray(shapely.points(others.centroids))
+
+    def is_so(at: IntArray, of: IntArray) -> BoolArray:
+        carried: BoolArray = shapely.intersects(found.shapes[at], middles[of]) & on(of, at)
+        return carried
+
+    return any_pair(found, others, found.shapes, "intersects", is_so=is_so)
+
+
 def are_between(found: Matches, one: BaseGeometry, other: BaseGeometry) -> BoolArray:
     """Return which objects are between two shapes, and not on one of them.
 
@@ -187,7 +201,7 @@ def are_between(found: Matches, one: BaseGeometry, other: BaseGeometry) -> BoolA
     return between
 
 
-def _heights(found: Matches) -> FloatArray:
+def heights_of(found: Matches) -> FloatArray:
     """Return the lowest and highest point of each object [m], shape (N, 2); NaN where unknown."""
     heights = np.full((len(found), 2), np.nan)
     if (found.keys < 0).any():  # places of the question

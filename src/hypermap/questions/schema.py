@@ -50,6 +50,11 @@ QUERY_SCHEMA: dict[str, Any] = {
                 "value": {"type": "number", "description": "of cells, for labels"},
                 "which": {"enum": list(get_args(Which))},
                 "count": {"type": "integer", "minimum": 1},
+                "rank": {
+                    "type": "integer",
+                    "minimum": 1,
+                    "description": "2 for the second nearest, largest ... alone; without count",
+                },
                 "start": {
                     "$ref": "#/$defs/reference",
                     "description": "from where distances are measured",

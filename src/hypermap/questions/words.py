@@ -68,8 +68,8 @@ _KEYWORDS = {
         "|give me a list of|make a list of|list of|can i get|can i have|list all of"
     ),
     "THE_MOST": (
-        "nearest|closest|farthest|furthest|largest|biggest|smallest|tiniest|surest|most certain"
-        "|newest|most recent|next"
+        "nearest|closest|farthest|furthest|largest|biggest|smallest|tiniest|tallest|surest"
+        "|most certain|newest|most recent|next"
     ),
     "IN": (
         "in|inside|inside of|into|in the area of|belonging to|throughout"
@@ -78,6 +78,10 @@ _KEYWORDS = {
     "AT": "at",
     "ON": (
         "on|on top of|upon|lying on|standing on|sitting on|resting on|placed on|on all|on all the"
+    ),
+    "ON_IT": (
+        "on it|on them|on top|on top of it|on top of them|lying on it|lying on them|standing on it"
+        "|standing on them|placed on it|placed on them"
     ),
     "UNDER": "under|underneath|below|beneath",
     "NEXT_TO": (
@@ -205,6 +209,10 @@ _NUMBER_WORDS = (
     "zero|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|thirteen|fourteen|fifteen"
     "|sixteen|seventeen|eighteen|nineteen|twenty"
 )
+_ORDINAL_WORDS = "second|third|fourth|fifth|sixth|seventh|eighth|ninth|tenth"
+ORDINALS = {word: rank for rank, word in enumerate(_ORDINAL_WORDS.split("|"), start=2)}
+ORDINALS |= {"2nd": 2, "3rd": 3} | {f"{rank}th": rank for rank in range(4, 11)}
+"""The ranks that words as in "second nearest" mean."""
 _PARTS = {"half a": 0.5, "half": 0.5, "a half": 0.5, "a quarter of a": 0.25, "one and a half": 1.5}
 _UNITS = {
     1.0: "m|meter|meters|metre|metres",
@@ -217,6 +225,11 @@ _UNITS = {
 }
 _PHRASES: dict[str, str] = {
     phrase: token for token, phrases in _KEYWORDS.items() for phrase in reversed(phrases.split("|"))
+}
+_PHRASES |= {
+    f"{ordinal} {most}": "THE_MOST"
+    for ordinal in ORDINALS
+    for most in _KEYWORDS["THE_MOST"].split("|")
 }
 _PHRASES |= dict.fromkeys(_DROPPED.split("|"), "")
 KEYWORDS = tuple(phrase for phrase in _PHRASES if len(phrase) > 3)
@@ -249,7 +262,9 @@ _CONTRACTED = {
 }
 _NUMBER = r"\d+(?:\.\d+)?"
 _POINT = rf"(?:\(\s*)?-?{_NUMBER}\s*,\s*-?{_NUMBER}\s*\)?"
-_PIECES = re.compile(rf'"[^"]*"|{_POINT}|{_NUMBER}|[^\W\d]+(?:[\'_-][^\W\d]+)*|\S')
+_PIECES = re.compile(
+    rf'"[^"]*"|{_POINT}|\d+(?:nd|rd|th)\b|{_NUMBER}|[^\W\d]+(?:[\'_-][^\W\d]+)*|\S'
+)
 _LONGEST = 7  # words of a phrase
 _PLACES = ("structure", "outdoor thing")  # kinds of things, of which a room may have the name
 _ASKED_TO = ("can you", "could you", "would you", "will you")

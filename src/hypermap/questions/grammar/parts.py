@@ -12,8 +12,9 @@ from lark import Token
 
 from hypermap.questions.query import Condition, Measure, Number, Query, Reference, Relation, Which
 from hypermap.questions.taxonomy import EVERYTHING
+from hypermap.questions.words import ORDINALS
 
-WHICH: dict[str, Which] = {
+_WHICH: dict[str, Which] = {
     "nearest": "nearest",
     "closest": "nearest",
     "next": "nearest",
@@ -23,6 +24,7 @@ WHICH: dict[str, Which] = {
     "biggest": "largest",
     "smallest": "smallest",
     "tiniest": "smallest",
+    "tallest": "tallest",
     "surest": "surest",
     "most certain": "surest",
     "newest": "newest",
@@ -33,6 +35,16 @@ WHICH: dict[str, Which] = {
 def types_of(parts: list[Any]) -> dict[str, str]:
     """Return the tokens among some parts, by their types."""
     return {part.type: str(part) for part in parts if isinstance(part, Token)}
+
+
+def which_of(types: dict[str, str]) -> dict[str, Any]:
+    """Return what words as "nearest" or "second nearest" mean, as attributes of a query."""
+    if "THE_MOST" not in types:
+        return {}
+    first, _, rest = types["THE_MOST"].partition(" ")
+    if first in ORDINALS:
+        return {"which": _WHICH[rest], "rank": ORDINALS[first]}
+    return {"which": _WHICH[types["THE_MOST"]]}
 
 
 def only(parts: list[Any], kind: type[Any]) -> Any:
@@ -116,7 +128,6 @@ def query_in_room(parts: list[Any]) -> Query:
 def chosen_objects(parts: list[Any]) -> Query:
     """Return the query about objects of which some are chosen."""
     types = types_of(parts)
-    which = WHICH[types["THE_MOST"]] if "THE_MOST" in types else None
     count = None
     if "NUMBER" in types:
         count = int(types["NUMBER"]) if types["NUMBER"].isdigit() else 0
@@ -125,7 +136,7 @@ def chosen_objects(parts: list[Any]) -> Query:
     by: Measure = "path" if "BY_PATH" in types else "air"
     nouns = next((part for part in parts if isinstance(part, tuple)), ())
     names = tuple(name for name in nouns if name != EVERYTHING)
-    return Query(names=names, which=which, count=count, by=by)
+    return Query(names=names, count=count, by=by, **which_of(types))
 
 
 def side_of(text: str) -> Relation:

@@ -140,6 +140,12 @@ class Phrases(Transformer[Token, Query]):
         relation = next(_RELATIONS[name] for name in types if name in _RELATIONS)
         return Condition(relation, reference, negated=is_negated)
 
+    def carrying(self, parts: list[Any]) -> Condition:
+        reference = only(parts, Reference)
+        if reference.names in self._all_of:
+            self._check_either()
+        return Condition("carrying", reference, negated="LACK" in types_of(parts))
+
     def at_side(self, parts: list[Any]) -> Condition:
         types = types_of(parts)
         side = side_of(types.get("MY_SIDE", types.get("SIDE", "")))

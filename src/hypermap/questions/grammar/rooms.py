@@ -7,13 +7,13 @@ from typing import Any
 
 from hypermap.core.hypermap import ROOMS
 from hypermap.questions.grammar.parts import (
-    WHICH,
     counted,
     lacking_nouns,
     number_of,
     query_of_parts,
     rooms_of,
     types_of,
+    which_of,
     whole_number,
 )
 from hypermap.questions.grammar.phrases import Phrases
@@ -156,13 +156,13 @@ class RoomSentences(Phrases):
         return Query("count", rooms=rooms_of(parts) or ("room",))
 
     def best_room(self, parts: list[Any]) -> Query:
-        return replace(self.where_room(parts), which=WHICH[types_of(parts)["THE_MOST"]])
+        return replace(self.where_room(parts), **which_of(types_of(parts)))
 
     def best_room_to(self, parts: list[Any]) -> Query:
         # The last reference is where distances are measured; one before it is the kind of rooms.
         *rooms, start = [part for part in parts if isinstance(part, Reference)]
         names = rooms[0].rooms if rooms else ()
-        which = WHICH[types_of(parts)["THE_MOST"]]
-        if which not in ("nearest", "farthest"):
-            raise ValueError(f"the {which} to what? say the nearest or the farthest")
-        return Query("rooms", rooms=names, which=which, start=start)
+        chosen = which_of(types_of(parts))
+        if chosen["which"] not in ("nearest", "farthest"):
+            raise ValueError(f"the {chosen['which']} to what? say the nearest or the farthest")
+        return Query("rooms", rooms=names, start=start, **chosen)

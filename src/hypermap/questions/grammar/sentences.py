@@ -7,7 +7,6 @@ from typing import Any
 
 from hypermap.core.hypermap import ROOMS
 from hypermap.questions.grammar.parts import (
-    WHICH,
     conditions_of,
     counted,
     left_out,
@@ -18,6 +17,7 @@ from hypermap.questions.grammar.parts import (
     rooms_of,
     tags_of,
     types_of,
+    which_of,
 )
 from hypermap.questions.grammar.rooms import RoomSentences
 from hypermap.questions.query import Condition, Query, Reference, When
@@ -122,9 +122,8 @@ class Sentences(RoomSentences):
         return replace(query_of_parts(parts), give="size")
 
     def how_big_room(self, parts: list[Any]) -> Query:
-        which = types_of(parts).get("THE_MOST")
         rooms = rooms_of(parts) or ("room",)
-        return Query("size", rooms=rooms, which=WHICH[which] if which else None)
+        return Query("size", rooms=rooms, **which_of(types_of(parts)))
 
     def how_big_here(self, parts: list[Any]) -> Query:
         return replace(self.where_am_i(parts), give="size")
