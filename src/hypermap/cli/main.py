@@ -21,6 +21,7 @@ from hypermap.cli.terminal import (
     BAD_INPUT,
     INTERRUPTED,
     NO_MEMORY,
+    NOBODY_READS,
     complain,
     describe,
     finish_writing,
@@ -153,7 +154,8 @@ def _command_of(name: str) -> Any:
 def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit.
 
-    The codes: 0 done, 1 no memory, 2 bad input or usage, 129 SIGHUP, 130 Ctrl-C, 143 SIGTERM.
+    The codes: 0 done, 1 no memory, 2 bad input or usage, 129 SIGHUP, 130 Ctrl-C, 141 nobody reads
+    on, 143 SIGTERM.
     """
     prepare_streams()
     try:
@@ -162,8 +164,12 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
                 app(args, prog_name="hypermap")
         finally:
             finish_writing()
-    except BrokenPipeError:
-        sys.exit(1)  # the reader has seen enough, as `head` has; typer says so, too
+    except BrokenPipeError:  # the reader has seen enough, as `head` has
+        sys.exit(NOBODY_READS)
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # which typer has caught
+            sys.exit(NOBODY_READS)
+        raise
     except (HypermapError, OSError) as error:
         complain(describe(error))
     except MemoryError:

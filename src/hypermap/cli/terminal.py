@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-NO_MEMORY, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes
+NO_MEMORY, BAD_INPUT, INTERRUPTED, NOBODY_READS = 1, 2, 130, 141  # exit codes
 _NOT_ASCII = re.compile("[^\n -~]")
 _PIPED_WIDTH = 160  # columns of a table that goes to a file or another program
 
