@@ -107,7 +107,7 @@ def _read_json(path: Path) -> Intrinsics:
     if path.stat().st_size > MAX_BYTES:
         raise FormatError("too large for a file of intrinsics", path=path)
     try:
-        said: Any = json.loads(path.read_text(encoding="utf-8"))
+        said: Any = json.loads(path.read_text(encoding="utf-8-sig"))
         if "intrinsic_matrix" in said:  # Open3D's, column by column
             K = np.array(said["intrinsic_matrix"], float).reshape(3, 3).T
             return Intrinsics(path, K, size=_size_in(said, "width", "height"))

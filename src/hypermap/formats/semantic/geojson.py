@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import collections
 import json
+import logging
 import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -27,6 +28,8 @@ from hypermap.formats.columns.crs import System, engineering_wkt, frame_of
 from hypermap.formats.letters import check_read, check_savable
 from hypermap.formats.semantic.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value
+
+logger = logging.getLogger(__name__)
 
 _HALF = re.compile(r"\\u[dD][89a-fA-F]")  # of a character, and often the other half behind it
 _WRONG = (
@@ -106,7 +109,7 @@ def from_geojson(
         FormatError: Naming the feature that is wrong.
     """
     try:
-        document = json.loads(text, parse_constant=_refuse)
+        document = json.loads(text.removeprefix("\ufeff"), parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise FormatError(f"is not valid JSON: {error}", path=path) from error
     collection = check(_Collection, document, path)
@@ -116,7 +119,15 @@ def from_geojson(
     if any(_is_way(item) for item in collection.features):
         raise FormatError("is a Nav2 route graph, which has no objects", path=path)
     frame = frame_of(_system(collection), frame_id or collection.frame_id, path, "crs")
-    objects = [_object(item, path, i) for i, item in enumerate(collection.features)]
+    with_heights: list[str] = []
+    objects = [_object(item, path, i, with_heights) for i, item in enumerate(collection.features)]
+    if with_heights:
+        logger.warning(
+            "%s: the heights in the coordinates of %d objects are left out; the heights of an "
+            "object are its properties z_min and z_max",
+            path or "GeoJSON",
+            len(with_heights),
+        )
     ids = collections.Counter(item.id for item in objects if item.id is not None)
     for number, count in ids.most_common(1):
         if count > 1:
@@ -152,10 +163,13 @@ def feature_of(item: SemanticObject) -> dict[str, Any]:
     }
 
 
-def _object(raw: Any, path: str | None, position: int) -> SemanticObject:
+def _object(raw: Any, path: str | None, position: int, with_heights: list[str]) -> SemanticObject:
     place = f"features[{position}]"
     feature = check(_Feature, raw, path, place)
     footprint = _footprint(feature.geometry, path, f"{place}.geometry")
+    if footprint.has_z:
+        footprint = shapely.force_2d(footprint)
+        with_heights.append(place)
     properties = dict(feature.properties or {})
     if "id" not in properties and type(feature.id) is int and 0 <= feature.id <= MAX_ID:
         properties["id"] = feature.id
@@ -170,7 +184,7 @@ def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> BaseGeom
     try:
         with np.errstate(invalid="ignore"):  # of infinite coordinates, which are refused below
             footprint: BaseGeometry = shapely.geometry.shape(geometry.model_dump())
-        check_footprint(footprint)
+        check_footprint(shapely.force_2d(footprint))
     except _WRONG as e:
         raise FormatError(f"is not a valid {geometry.type}: {e}", path=path, key=place) from None
     return footprint
