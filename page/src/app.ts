@@ -200,7 +200,7 @@ export class App {
         .reduce((n, { count }) => n + count, 0);
     const rooms = total(true) > 0 ? `, ${plural(total(true), "room")}` : "";
     byId("subtitle").textContent =
-      `${plural(total(false), "object")}${rooms} · ${time?.replace(" UTC", "") ?? (info.unsaved ? "not saved" : describe(info))}`;
+      `${plural(total(false), "object")}${rooms} · ${time ?? (info.unsaved ? "not saved" : describe(info))}`;
   }
 
   private listen(): void {

@@ -39,11 +39,15 @@ export function length(value: number): string {
   return `${trim((value * 1000).toFixed(2))} mm`;
 }
 
-/** A time stamp in seconds: a date if it can be one, else seconds. */
+/** Whether a time stamp [s] can be a date, as in times.py; some clocks begin with the recording. */
+export const isDate = (seconds: number): boolean => seconds >= 3e8 && seconds <= 2.5e11;
+
+/** A time stamp in seconds: a date in the zone of the browser if it can be one, else seconds. */
 export function stamp(seconds: number | null): string {
   if (seconds === null) return "";
-  if (seconds < 1e8) return `${trim(seconds.toFixed(2))} s`;
-  return new Date(seconds * 1000).toISOString().replace("T", " ").slice(0, 19);
+  if (!isDate(seconds)) return `${trim(seconds.toFixed(2))} s`;
+  const behind = 60 * new Date(1000 * seconds).getTimezoneOffset();
+  return new Date(1000 * (seconds - behind)).toISOString().replace("T", " ").slice(0, 19);
 }
 
 /** Seconds as a clock shows them: 1:05.3; without tenths from an hour on. */

@@ -172,9 +172,9 @@ export class TimeBar {
   }
 }
 
-/** When a version was made, in UTC; its number where that is not known. */
+/** When a version was made; its number where that is not known. */
 export function timeOf({ version, time }: Version): string {
-  return time === null ? `Version ${version}` : `${stamp(time).slice(0, 16)} UTC`;
+  return time === null ? `Version ${version}` : stamp(time).slice(0, 16);
 }
 
 /** What a version changed, in words. */

@@ -1,6 +1,6 @@
 /** What is known of an object, in words. */
 
-import { stamp } from "./format";
+import { isDate, stamp } from "./format";
 
 /** How certain it is that an object exists, from its evidence [log-odds]. */
 export function existenceInWords(existence: number): string {
@@ -21,7 +21,7 @@ export const often = (n: number): string => (n === 1 ? "once" : n === 2 ? "twice
 
 /** A time stamp [s] in words; within a week, by the day of the week. */
 export function whenInWords(seconds: number, now: Date): string {
-  if (seconds < 1e8) return `at ${stamp(seconds)}`; // of a clock that began with the recording
+  if (!isDate(seconds)) return `at ${stamp(seconds)}`;
   const time = new Date(seconds * 1000);
   const clock = `${two(time.getHours())}:${two(time.getMinutes())}`;
   const days = Math.round((midnight(now) - midnight(time)) / 86_400_000);

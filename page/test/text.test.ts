@@ -1,6 +1,15 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { clock, csv, geojson, length, meters, niceLength, squareMeters } from "../src/format";
+import {
+  clock,
+  csv,
+  geojson,
+  length,
+  meters,
+  niceLength,
+  squareMeters,
+  stamp,
+} from "../src/format";
 import { placeFromHash, placeToHash } from "../src/place";
 import { shellWord, snippetsAt, snippetsForSearch } from "../src/snippets";
 import type { AreaRow, Point, Ring } from "../src/source";
@@ -48,6 +57,14 @@ test("a time since the start reads like a clock", () => {
     "2:02:05",
   ]);
   assert.equal(clock(-1), "0:00.0");
+});
+
+test("a stamp is a date on the clock of whoever reads it, unless it can be none", () => {
+  process.env.TZ = "Europe/Berlin";
+  assert.equal(stamp(1_764_061_200), "2025-11-25 10:00:00"); // 09:00 UTC
+  assert.equal(stamp(1_753_434_000), "2025-07-25 11:00:00"); // in summer
+  assert.deepEqual([null, 12.5, 2e8].map(stamp), ["", "12.5 s", "200000000 s"]);
+  assert.equal(stamp(1.7e18), "1700000000000000000 s"); // nanoseconds
 });
 
 test("CSV keeps commas and quotes apart, and hands no formula to a spreadsheet", () => {
