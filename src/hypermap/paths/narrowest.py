@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -11,10 +10,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray
 from hypermap.paths.free_space import FreeSpace
-from hypermap.paths.segments import line_cost
-from hypermap.paths.weighted import cheapest_cells
 
-_GAP = 1e4  # times the cost of another cell has one where the way is narrowest
 _ROUNDING = 1e-6  # [m]
 _STEP = 0.01  # [m] of a radius that is told
 
@@ -31,14 +27,13 @@ def why_no_path(space: FreeSpace, first: int, last: int) -> str:
     kept_out = np.False_ if space.kept_out is None else space.kept_out
     blocked = space.occupied
     if not space.settings.unknown_is_free:
-        known, free = (~(cells | kept_out) for cells in (blocked | space.unknown, blocked))
-        if not _are_connected(known, ends) and _are_connected(free, ends):
+        blocked = blocked | space.unknown
+    if not _are_connected(~(blocked | kept_out), ends):
+        if _are_connected(~(space.occupied | kept_out), ends):
             return (
                 "only unknown cells connect them; a robot may drive through these with "
                 "--through-unknown on the command line, unknown_is_free in Python"
             )
-        blocked = blocked | space.unknown
-    if not _are_connected(~(blocked | kept_out), ends):
         keepout = "" if space.kept_out is None else " or keepout zones"
         return f"walls{keepout} separate them"
     far = scipy.ndimage.distance_transform_edt(~blocked) * space.grid.resolution
@@ -61,16 +56,28 @@ def _narrowest(
             low = middle
         else:
             high = middle
-    cost = np.where(far == steps[low], np.float32(_GAP), np.float32(1))
-    cost[far < steps[low]] = np.inf
-    first, last = (int(row) * far.shape[1] + int(col) for row, col in np.transpose(ends))
-    way = cheapest_cells(cost, first, last)
-    assert way is not None  # they are connected
-    points = np.column_stack(np.divmod(way, far.shape[1]))[:, ::-1] + 0.5
-    costs = [line_cost(cost, *one, *other) for one, other in itertools.pairwise(points)]
-    narrow = np.flatnonzero(np.array(costs) > _GAP / 10)
-    middle = narrow[len(narrow) // 2]
-    return float(steps[low]), points[middle : middle + 2].mean(axis=0)
+    return float(steps[low]), _narrow_place(far, float(steps[low]), *np.transpose(ends))
+
+
+def _narrow_place(
+    far: NDArray[np.float64],
+    clearance: float,
+    first: NDArray[np.int64],
+    last: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Return the nearest place that has no more clearance, and beyond which the goal is.
+
+    It borders on what can be reached from the start with more clearance than there.
+    """
+    wide, _ = scipy.ndimage.label(far > clearance)
+    if not wide[tuple(first)]:
+        return np.asarray(first[::-1] + 0.5)
+    around = wide == wide[tuple(first)]
+    beyond, _ = scipy.ndimage.label((far >= clearance) & ~around)
+    behind = beyond == beyond[tuple(last)]
+    gates = np.argwhere(behind & scipy.ndimage.binary_dilation(around))
+    nearest = gates[np.argmin(((gates - first) ** 2).sum(axis=1))]
+    return np.asarray(nearest[::-1] + 0.5)
 
 
 def _are_connected(free: BoolArray, ends: tuple[NDArray[np.int64], NDArray[np.int64]]) -> bool:
