@@ -14,7 +14,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from .page_tools import PATIENCE, SIZE, Window, a_server
+from hypermap import save_map
+
+from .page_tools import PATIENCE, SIZE, Window, a_server, a_window
+from .past_map import past_map
 from .run_tools import watching, write_run
 from .seen_map import saved_seen_map
 from .small_map import CHAIR, METRES_PER_PIXEL, PLACES
@@ -22,6 +25,8 @@ from .small_map import CHAIR, METRES_PER_PIXEL, PLACES
 pytestmark = pytest.mark.xdist_group("page")
 
 AXE = Path(__file__).resolve().parents[2] / "page" / "node_modules" / "axe-core" / "axe.min.js"
+SIDES = """(all) => all.map((one) => one.getBoundingClientRect())
+    .map(({left, right}) => [left, right])"""
 NARROW = {"width": 420, "height": 800}
 FIND = """async (isOfColorsAlone) => {
     // Whoever speaks to the page says the words on a button; axe asks for them only if configured.
@@ -116,3 +121,18 @@ def test_a_narrow_page_has_no_findings(browser: Browser, tmp_path: Path) -> None
         assert found(window.page) == []
         window.page.locator("#menu").click()
         assert found(window.page) == []
+
+
+def test_all_tools_fit_on_a_phone(browser: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "room.hmap"
+    save_map(past_map(), path)  # with a history, which has a tool of its own
+    with a_server(path) as url, a_window(browser, url) as window:
+        window.page.set_viewport_size({"width": 360, "height": 640})
+        window.page.locator("#tool-edit").click()
+        expect(window.page.locator("#tool-history")).to_be_visible()
+        for bar in ("#toolbar", "#editbar"):
+            sides = window.page.locator(f"{bar}, {bar} > button").evaluate_all(SIDES)
+            (left, right), *buttons = [side for side in sides if side[1] > 0]
+            assert left >= 0
+            assert right <= 360
+            assert all(left <= side[0] and side[1] <= right for side in buttons)
