@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import zlib
 from collections.abc import Iterator
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import pytest
 import shapely
+from click.testing import Result
+from typer.testing import CliRunner
 
 pytest.importorskip("psycopg", reason="psycopg is missing")
 
-from hypermap import Hypermap, open_map
+from hypermap import Hypermap, HypermapError, open_map
+from hypermap.cli.main import app
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Layer
@@ -114,3 +119,21 @@ def test_a_shape_written_by_another_program_that_would_crash_geos_is_refused(
     with pytest.raises(StoreError, match="hole without corners"):
         list(open_map(f"{store}&site={site}").objects_at((0.1, 0.1)))
     database.close()
+
+
+def test_objects_of_a_site_expire_and_no_answer_shows_a_password(
+    store: str, site: str, database: Database
+) -> None:
+    push(database, Hypermap([SemanticLayer("zones", "map", [square("wet floor", 0, 0)])]), site)
+    address = f"{store}&site={quote(site)}".replace("@", ":secret@", 1)
+
+    def run(*words: str) -> Result:
+        return CliRunner().invoke(app, [words[0], address + words[1], *words[2:]])
+
+    expire = ("0", "--until", "2020-01-01T10:00")
+    assert isinstance(run("expire", "&version=1", *expire).exception, HypermapError)
+    found = json.loads(run("query", "", "--name", "wet floor", "--json").stdout)
+    assert [one["value"] for one in found["answers"]] == [0]
+    assert "secret" not in found["map"]
+    assert "wet floor 0 expires on 2020-01-01" in run("expire", "", *expire).output
+    assert json.loads(run("query", "", "--json", "--name", "wet floor").stdout)["answers"] == []

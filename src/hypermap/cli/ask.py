@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import AsJson
+from hypermap.cli.options import AsJson, name_of
 from hypermap.cli.terminal import note, say, say_json
 
 COMMAND_CLASS = PointsCommand
@@ -119,7 +119,7 @@ def command(
             note(f"you can ask: {one}")
         raise
     if as_json:
-        say_json({"map": str(path), **document(hypermap, answer)})
+        say_json({"map": name_of(path), **document(hypermap, answer)})
         return
     for part, text in understood(answer.query):
         note(f"{part}: {text}")

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, check_edited, only_one
+from hypermap.cli.options import MapPath, check_edited, name_of, only_one
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError, ObjectNotFound
+from hypermap.fleet.store.address import is_address, parse_address
 from hypermap.text import printable
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.core.objects import SemanticObject
 
 
 def command(
@@ -43,33 +50,45 @@ def command(
         hypermap expire office.hmap 3 --layer zones --until 2h
         hypermap expire office.hmap 3 --layer zones --until never
     """
-    from dataclasses import replace
-
     from hypermap.formats import open_map, save_map
     from hypermap.formats.config import file_of_map
     from hypermap.formats.locks import turn_to_edit
-    from hypermap.history import EXPIRES
 
     name = only_one(layer)
     moment = _later(until)
-    file = file_of_map(path)
-    check_edited(file)
-    with turn_to_edit(file):
-        hypermap = open_map(path)
-        objects = hypermap.semantic(name)
-        try:
-            item = objects.get(object_id)
-        except ObjectNotFound as error:
-            raise HypermapError(f"{path}: {error}") from None
-        attributes = {key: value for key, value in item.attributes.items() if key != EXPIRES}
-        if moment is not None:
-            attributes[EXPIRES] = moment.isoformat(timespec="seconds")
-        objects.update(object_id, replace(item, attributes=attributes))
-        save_map(hypermap, path)
+    if is_address(path):
+        if parse_address(path).version is not None:
+            raise HypermapError(f"{name_of(path)}: an earlier version of a site cannot be changed")
+        item = _limit(path, open_map(path), name, object_id, moment)  # the store writes it
+    else:
+        file = file_of_map(path)
+        check_edited(file)
+        with turn_to_edit(file):
+            hypermap = open_map(path)
+            item = _limit(path, hypermap, name, object_id, moment)
+            save_map(hypermap, path)
     said = "never expires" if moment is None else f"expires on {moment:%Y-%m-%d at %H:%M %Z}"
     say(f"{printable(item.name)} {object_id} {said}".rstrip())
     if moment is not None and moment <= datetime.now(moment.tzinfo):
         note("warning: that is in the past, so it answers no query any more; undo by --until never")
+
+
+def _limit(
+    path: Path, hypermap: Hypermap, layer: str | None, object_id: int, moment: datetime | None
+) -> SemanticObject:
+    """Set when an object of a map expires, and return the object."""
+    from hypermap.history import EXPIRES
+
+    objects = hypermap.semantic(layer)
+    try:
+        item = objects.get(object_id)
+    except ObjectNotFound as error:
+        raise HypermapError(f"{name_of(path)}: {error}") from None
+    attributes = {key: value for key, value in item.attributes.items() if key != EXPIRES}
+    if moment is not None:
+        attributes[EXPIRES] = moment.isoformat(timespec="seconds")
+    objects.update(object_id, replace(item, attributes=attributes))
+    return item
 
 
 def _later(text: str) -> datetime | None:

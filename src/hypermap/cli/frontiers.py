@@ -10,7 +10,7 @@ import typer
 
 from hypermap.cli.mask_options import note_strangers
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import AsJson, MapPath
+from hypermap.cli.options import AsJson, MapPath, name_of
 from hypermap.cli.robot_options import (
     Keepout,
     OccupancyName,
@@ -117,7 +117,7 @@ def command(
     views = explorer.next_views(sure_from) if next_views else None
     if as_json:
         frame_id = explorer.planner.space.frame_id
-        say_json({"map": str(path), **document(frontiers, views, frame_id)})
+        say_json({"map": name_of(path), **document(frontiers, views, frame_id)})
         return
     _show(frontiers)
     if views is not None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.options import AsJson
+from hypermap.cli.options import AsJson, name_of
 from hypermap.cli.recording_options import RecordingRequest, takes_recording_options
 from hypermap.cli.terminal import facts, note, out, say, say_json, table
 from hypermap.core.errors import HypermapError
@@ -76,7 +76,7 @@ def command(
         content["checks"] = [] if info.frames == 0 else _checks(path, options, content)
         show = show_recording
     if as_json:
-        say_json({"path": str(path), **content})
+        say_json({"path": name_of(path), **content})
     else:
         show(content)
 

@@ -92,8 +92,7 @@ class _Commands(TyperGroup):
         for before, word in itertools.pairwise(args):
             if not word and not before.startswith("-"):  # pathlib would take it for this folder
                 raise HypermapError(
-                    f"{args[0]}: expected a file, got an empty string; is a variable of "
-                    "the shell not set?"
+                    f"{args[0]}: an argument is empty; is a variable of the shell not set?"
                 )
         if args[0] in _MODULES:
             self.commands[args[0]] = _command_of(args[0])

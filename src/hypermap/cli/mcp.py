@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath
+from hypermap.cli.options import MapPath, name_of
 from hypermap.cli.robot_options import RobotRadius
 from hypermap.cli.signals import until_signal
 from hypermap.cli.terminal import note
@@ -93,7 +93,7 @@ def command(
         secret = secrets.token_urlsafe(24) if token is None else token
 
         def started(url: str) -> None:
-            note(f"serving {path} at {url}; press Ctrl-C to stop")
+            note(f"serving {name_of(path)} at {url}; press Ctrl-C to stop")
             if token is None:
                 note(f"clients send the header Authorization: Bearer {secret}")
 

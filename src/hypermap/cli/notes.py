@@ -12,7 +12,15 @@ import typer
 from hypermap.cli.asked_note import AskedNote
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.notes_shown import list_notes, show_note
-from hypermap.cli.options import AsJson, Force, MapPath, check_edited, check_output, only_one
+from hypermap.cli.options import (
+    AsJson,
+    Force,
+    MapPath,
+    check_edited,
+    check_output,
+    name_of,
+    only_one,
+)
 from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say_json
 from hypermap.console.options import AN_AREA
@@ -364,7 +372,7 @@ def _save(hypermap: Hypermap, path: Path, output: Path | None) -> None:
     from hypermap.formats.backup import save_edited
 
     if output is None and path.suffix.lower() != ".hmap":
-        raise HypermapError(f"{path}: notes are kept in .hmap files; give -o OUT.hmap")
+        raise HypermapError(f"{name_of(path)}: notes are kept in .hmap files; give -o OUT.hmap")
     if output is None:
         save_edited(hypermap, path, _EDITOR)
     elif output.suffix.lower() != ".hmap":

@@ -81,6 +81,13 @@ def check_edited(path: Path) -> None:
         _ask(f"{path} is write-protected. Change it?", refused, path)
 
 
+def name_of(path: Path) -> str:
+    """Return what a map is called in answers and messages: of a site, its address, no password."""
+    from hypermap.fleet.store.address import is_address, parse_address
+
+    return parse_address(path).shown if is_address(path) else str(path)
+
+
 def only_one(layers: list[str] | None) -> str | None:
     """Return the layer that `--layer` names; None without it.
 

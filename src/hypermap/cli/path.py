@@ -10,7 +10,7 @@ import typer
 
 from hypermap.cli.mask_options import note_strangers
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import AsJson, MapPath
+from hypermap.cli.options import AsJson, MapPath, name_of
 from hypermap.cli.robot_options import (
     InflationRadius,
     Keepout,
@@ -114,7 +114,7 @@ def command(
     planner = Planner(hypermap, settings, keepout=zones, occupancy=occupancy)
     planned = plan(planner, start, goal, distance)
     if as_json:
-        say_json({"map": str(path), **document(planned, hypermap.base_frame)})
+        say_json({"map": name_of(path), **document(planned, hypermap.base_frame)})
         return
     for line in lines(planned):
         say(line)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.options import MapPath
+from hypermap.cli.options import MapPath, name_of
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.console.options import OPTIONS
 from hypermap.text import counted
@@ -125,7 +125,7 @@ def command(
 
         saved = write_pictures(hypermap, rows, pictures)
     if given["--json"]:
-        say_json(document(str(path), hypermap, rows))
+        say_json(document(name_of(path), hypermap, rows))
         return
     _show(shown(found))
     if evidence:
