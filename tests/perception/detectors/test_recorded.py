@@ -114,16 +114,30 @@ def test_an_unknown_stamp_has_no_detections_and_is_counted_and_logged_once(
         assert [len(recorded.at(stamp)) for stamp in (2.502, 0, 1e12, 2.5)] == [0, 0, 0, 1]
     assert recorded.missed == 3
     assert [record.getMessage() for record in caplog.records] == [
-        f"{recorded.path}: no entry for the image at 2.502000; this and other missing images "
-        "count as images without objects"
+        f"{recorded.path}: no entry for the image at 2.502000, the nearest is at 2.500000; this "
+        "and other missing images count as images without objects"
     ]
+
+
+def test_boxes_that_are_shares_of_the_image_are_refused(tmp_path: Path) -> None:
+    objects = [CUP | {"box": [0.1, 0.25, 0.5, 1]}, CUP | {"box": [0, 0, 1, 1]}]
+    path = write(tmp_path / "shares.json", {"frames": {"1": objects[1:], "2": objects}})
+    with pytest.raises(FormatError, match="all boxes are between 0 and 1; multiply them by"):
+        RecordedDetections.load(path)
+    write(path, {"frames": {"1": objects[1:]}})
+    assert len(RecordedDetections.load(path)) == 1
+    write(path, {"frames": {"1": objects, "2": [CUP]}})
+    assert len(RecordedDetections.load(path)) == 2
 
 
 def test_nothing_recorded_has_nothing_to_say() -> None:
     assert len(RecordedDetections().at(1.0)) == 0
 
 
-SHAPE = '{"frames": {STAMP: [{"box": [xmin, ymin, xmax, ymax], "name": "cup", "score": 0.9}]}}'
+SHAPE = (
+    '{"frames": {STAMP: [{"box": [xmin, ymin, xmax, ymax], "name": "cup", "score": 0.9}]}}; '
+    "docs/detectors.md shows how to convert COCO results"
+)
 MASK = {"size": [2, 3], "counts": [1, 2, 3]}
 
 

@@ -67,6 +67,21 @@ def test_a_file_is_asked_for_the_stamp_of_the_color_image(
     assert len(source(frame())) == 1
 
 
+def test_boxes_beside_the_image_are_warned_of_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "detections.json"
+    cup = {"box": [1, 70, 3, 90], "name": "cup", "score": 0.5}
+    path.write_text(json.dumps({"frames": {"10.0": [cup]}}))
+    source = detections_from_file(path)
+    with caplog.at_level(logging.WARNING):
+        assert [len(source(frame())) for _ in range(2)] == [1, 1]
+        detections_from_file(write(tmp_path / "inside.json", None))(frame())
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{path}: boxes lie beside the image of 64 x 64 pixels; are they of images of another size?"
+    ]
+
+
 def test_detections_of_images_of_another_size_are_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "detections.json", (640, 480))
     source = detections_from_file(path)

@@ -132,6 +132,12 @@ class RecordedDetections:
         except ValidationError as error:
             first = error.errors()[0]
             raise FormatError(_problem(first), path=path, key=_key_of(first["loc"])) from error
+        if _is_normalized(content):
+            raise FormatError(
+                "all boxes are between 0 and 1; multiply them by the size of the images, as boxes "
+                "are in pixels",
+                path=path,
+            )
 
         recorded = cls(content.image_size, path)
         numbers = np.array([_number(key, path) for key in content.frames], float)
@@ -178,11 +184,13 @@ class RecordedDetections:
         if abs(nearest - stamp) <= STAMP_TOLERANCE:
             return _as_detections(self._objects[nearest])
         if not self.missed:
+            there = f", the nearest is at {nearest:.6f}" if near else ""
             logger.warning(
-                "%s: no entry for the image at %.6f; this and other missing images count as "
+                "%s: no entry for the image at %.6f%s; this and other missing images count as "
                 "images without objects",
                 self.path or "detections",
                 stamp,
+                there,
             )
         self.missed += 1
         return Detections.of([], [])
@@ -224,6 +232,14 @@ def _as_detections(objects: list[_Object]) -> Detections:
     )
 
 
+def _is_normalized(content: _File) -> bool:
+    """Return whether boxes seem to be shares of the image's size: none reaches beyond 1."""
+    boxes = [found.box for objects in content.frames.values() for found in objects]
+    sides = {side for box in boxes for side in box}
+    is_share = bool(sides) and min(sides) >= 0 and max(sides) <= 1
+    return is_share and not sides <= {0.0, 1.0}  # which may be whole pixels
+
+
 def _number(key: str, path: Path) -> float:
     try:
         return float(key)
@@ -237,7 +253,7 @@ def _problem(error: Mapping[str, Any]) -> str:
     """Return what is wrong, in words."""
     message = str(error["msg"]).removeprefix("Value error, ")
     if error["loc"] in ((), ("frames",)) and error["type"] != "json_invalid":
-        message += f"; expected {_SHAPE}"
+        message += f"; expected {_SHAPE}; docs/detectors.md shows how to convert COCO results"
     elif error["type"] == "missing" and error["loc"][-1] in ("box", "name", "score"):
         message += "; an object has box, name and score"
     return message

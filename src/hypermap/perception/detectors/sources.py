@@ -62,15 +62,18 @@ def detections_of(name: str, look: Callable[[], Any]) -> Detections:
 def detections_from_file(path: str | Path) -> DetectionSource:
     """Return a source that looks up each frame in a file (see `RecordedDetections`).
 
-    It raises FormatError for a frame whose size differs from that of the images in the file.
+    It raises FormatError for a frame whose size differs from that of the images in the file. Where
+    the file does not name it, a box beside the image is logged once.
 
     Raises:
         FileMissing: If there is no such file.
         FormatError: If it does not contain detections.
     """
     recorded = RecordedDetections.load(path)
+    is_warned = False
 
     def source(frame: RgbdFrame) -> Detections:
+        nonlocal is_warned
         expected, size = recorded.image_size, (frame.camera.width, frame.camera.height)
         if expected is not None and expected != size:
             raise FormatError(
@@ -87,6 +90,14 @@ def detections_from_file(path: str | Path) -> DetectionSource:
                 f"but the recording has {size[0]} x {size[1]}",
                 path=path,
             )
+        if not is_warned and (found.xyxy[:, :2] >= size).any():
+            logger.warning(
+                "%s: boxes lie beside the image of %d x %d pixels; are they of images of another "
+                "size?",
+                path,
+                *size,
+            )
+            is_warned = True
         return found
 
     return source
