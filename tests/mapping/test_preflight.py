@@ -112,6 +112,15 @@ def test_depth_in_another_unit_is_reported(factor: float) -> None:
     assert float(measured.split()[-1]) == pytest.approx(1 / factor, rel=0.1)
 
 
+def test_poses_in_millimeters_are_reported() -> None:
+    def in_millimeters(pose: np.ndarray) -> np.ndarray:
+        return np.vstack([np.hstack([pose[:3, :3], 1000 * pose[:3, 3:]]), pose[3:]])
+
+    found = wrong([frame.moved_to(in_millimeters(frame.map_T_camera)) for frame in room()])
+    assert "from one frame to the next" in found["scale"].measured
+    assert found["scale"].remedy.endswith("convert them to meters")
+
+
 def test_poses_that_drift_do_not_look_like_another_unit_of_depth() -> None:
     drift = [pose_from_rpy(0.01 * i, 0, 0, 0, 0, 0.03 * i) for i in range(len(room()))]
     consistency = Consistency()
@@ -155,6 +164,7 @@ def test_a_camera_that_hangs_upside_down_without_its_pose_saying_so_is_reported(
 _BODY = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 _AS_OTHERS_WRITE = {
     "body": lambda pose: pose @ _BODY,
+    "frd": lambda pose: pose @ _BODY * (1, -1, -1, 1),
     "opengl": lambda pose: pose * (1, -1, -1, 1),
     "world-to-camera": np.linalg.inv,
     "w-first": lambda pose: pose_matrix(pose[:3, 3], np.roll(quats_of(pose[None, :3, :3])[0], 1)),

@@ -97,8 +97,8 @@ def test_intrinsics_become_a_camera() -> None:
         ),
         (
             {"pose_convention": "robot"},
-            "pose_convention must be one of optical, body, opengl, world-to-camera, w-first, got "
-            "'robot'",
+            "pose_convention must be one of optical, body, frd, opengl, world-to-camera, w-first, "
+            "got 'robot'",
         ),
         ({"depth_scale": 0}, "depth_scale must be positive, got 0"),
         ({"max_time_difference": -0.1}, "max_time_difference must be 0 .. 1 s, got -0.1"),

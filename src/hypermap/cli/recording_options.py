@@ -80,8 +80,8 @@ OPTIONS = {
         str,
         "CONVENTION",
         "What the recorded poses are: `optical` (default: x right, y down, z forward), `body` (x "
-        "forward, z up), `opengl` (y up, z backward), `world-to-camera` (the inverse), `w-first` "
-        "(quaternions).",
+        "forward, z up), `frd` (x forward, z down), `opengl` (y up, z backward), `world-to-camera` "
+        "(the inverse), `w-first` (quaternions).",
     ),
     "time_offset": _Option(
         str,

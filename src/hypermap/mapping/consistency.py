@@ -166,6 +166,16 @@ class Consistency:
             others=(float(_SCALES[-1]),),
         )
 
+    def usual_step(self) -> tuple[float, float]:
+        """Return how far the camera moves from one frame to the next [m], and how fast [m/s].
+
+        The medians; 0 for less than two frames.
+        """
+        if len(self._stamps) < 2:
+            return 0.0, 0.0
+        steps = np.linalg.norm(np.diff(np.array(self._poses)[:, :3, 3], axis=0), axis=1)
+        return float(np.median(steps)), float(np.median(steps / np.diff(self._stamps)))
+
     def gain_of(self, others: Mapping[float, NDArray[np.float64]]) -> float | None:
         """Return how much better the images agree by other poses than by their own.
 

@@ -31,6 +31,7 @@ _FIRST = 24  # mapped frames before the first check; the next ones after eight t
 _AGAIN = 8
 _LEAST_OFFSET = 0.035  # seconds; less may be the exposure of images, or how poses are interpolated
 _LEAST_MOVE = 0.02  # meters
+_TOO_FAR, _TOO_FAST = 3.0, 20.0  # meters from frame to frame, and m/s; no robot does both
 _LEAST_SCALE = math.log(1.25)  # a smaller error of depth does not come from a wrong unit
 _UPSIDE_DOWN = -0.5  # mean cosine between the images' upward axis and the z axis
 _SIDEWAYS = 0.7  # the same for the images' horizontal axis
@@ -171,6 +172,14 @@ class Preflight:
         return Finding("depth", why, "no objects are mapped from such depth", remedy)
 
     def _scale(self) -> Finding | None:
+        step, speed = self._consistency.usual_step()
+        if step > _TOO_FAR and speed > _TOO_FAST:
+            return Finding(
+                "scale",
+                f"the camera moves by {step:.3g} m from one frame to the next",
+                "no two images show the same place, and each thing is mapped many times",
+                "if the poses are in another unit, such as millimeters, convert them to meters",
+            )
         fit = self._consistency.depth_scale()
         if fit is None:
             return None

@@ -20,6 +20,7 @@ CONVENTIONS: Mapping[str, str] = MappingProxyType(
     {
         OPTICAL: "those of the camera's optical frame (x right, y down, z forward)",
         "body": "those of the camera's body (x forward, y left, z up)",
+        "frd": "those of the camera's body (x forward, y right, z down)",
         "opengl": "those of an OpenGL camera (x right, y up, z backward), as of ARKit or Blender",
         "world-to-camera": "inverse: those of the world in the camera's optical frame",
         "w-first": "quaternions in the order w, x, y, z",
@@ -29,6 +30,7 @@ CONVENTIONS: Mapping[str, str] = MappingProxyType(
 # From the axes of a convention to those of the optical frame: pose @ this.
 _TO_OPTICAL = {
     "body": np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]]),
+    "frd": np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
     "opengl": np.diag([1.0, -1, -1, 1]),
 }
 
