@@ -51,6 +51,8 @@ def test_a_map_in_a_frame_of_another_name_is_continued_if_the_poses_are_in_it(
     refused = hypermap(*arguments)
     assert refused.code == 2
     assert "in that one, too, give --map-frame map_2" in refused.err
+    assert hypermap(*arguments, "--same-place").code == 0
+    assert open_map(out).base_frame == "map_2"
     assert hypermap(*arguments, *frame).code == 0
 
 

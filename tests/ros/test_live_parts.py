@@ -157,6 +157,22 @@ def test_types_and_the_camera_info_follow_from_the_names(
     assert (settings.geometry_type, settings.info_topic) == (kind, info)
 
 
+def test_topics_without_a_slash_are_in_the_namespace_of_the_node() -> None:
+    given = {
+        "depth_topic": "camera/depth/image_raw",
+        "color_topic": "/camera/color/image_raw",
+        "detections_topic": "~boxes",
+        "values": ["wifi:rssi,unit=dBm"],
+    }
+    settings = LiveSettings.of(given, {}, "/robot1/semantic_mapper")
+    assert settings.depth_topic == "/robot1/camera/depth/image_raw"
+    assert settings.info_topic == "/robot1/camera/depth/camera_info"
+    assert settings.color_topic == "/camera/color/image_raw"
+    assert settings.detections_topic == "/robot1/semantic_mapper/boxes"
+    assert settings.values == ["/robot1/wifi:rssi,unit=dBm"]
+    assert settings.cloud_topic == ""
+
+
 def test_every_parameter_is_described_and_fits_itself() -> None:
     for parameter in SemanticMapper.PARAMETERS:
         assert parameter.description.endswith("."), parameter

@@ -104,7 +104,7 @@ def test_samples_become_a_layer_that_moves_with_a_loop_closure(
 def test_a_wrong_text_is_refused_at_the_start() -> None:
     given = {"depth_topic": "/depth", "detections_topic": "/found", "values": ["/warm,unit"]}
     with pytest.raises(HypermapError, match="unit needs a text"):
-        LiveSettings.of(given, {})
+        LiveSettings.of(given, {}, "/semantic_mapper")
 
 
 def test_a_layer_goes_on_after_a_pause_of_the_node() -> None:

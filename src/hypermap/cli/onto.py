@@ -19,7 +19,8 @@ SamePlace = Annotated[
     bool,
     typer.Option(
         "--same-place",
-        help="RECORDING shows the place of --onto, in the same frame: do not check that.",
+        help="RECORDING shows the place of --onto, in the same frame, by whatever name: do not "
+        "check that.",
     ),
 ]
 

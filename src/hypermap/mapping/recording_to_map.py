@@ -91,8 +91,8 @@ def map_recording(
             that of the recording ignored.
         embedder: encodes what frames show of objects; None for no embeddings.
         ahead: perceives the frames of this recording before they are mapped.
-        same_place: whether it is known that the poses are in the frame of `onto`; otherwise what
-            the frames show is compared with it.
+        same_place: whether it is known that the poses are in the frame of `onto`, by whatever name;
+            otherwise what the frames show is compared with it.
         prepare: called with the mapper before the first frame.
 
     Raises:
@@ -101,7 +101,7 @@ def map_recording(
             mapping cannot continue the map.
         ValueError: If both `occupancy` and `onto` are given.
     """
-    mapper = _mapper_for(recording, source, config, occupancy, onto)
+    mapper = _mapper_for(recording, source, config, occupancy, onto, same_place)
     mapper.watch = watch
     mapper.embed_with(embedder)
     if ahead is not None:
@@ -150,14 +150,16 @@ def _mapper_for(
     config: MappingConfig,
     occupancy: OccupancyLayer | None,
     onto: Hypermap | None,
+    same_place: bool,
 ) -> Mapper:
     """Return a mapper for a new map, or to continue one."""
-    name, frame_id = _name_of(recording), recording.frame_id
+    name = _name_of(recording)
     if onto is None:
         occupancy = recording.occupancy() if occupancy is None else occupancy
-        return Mapper(config, source, occupancy, frame_id, name)
+        return Mapper(config, source, occupancy, recording.frame_id, name)
     if occupancy is not None:
         raise ValueError("a map to continue already has an occupancy layer")
+    frame_id = None if same_place else recording.frame_id
     return Mapper.onto(onto, source, config, name, frame_id)
 
 

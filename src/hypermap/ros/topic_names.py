@@ -1,4 +1,4 @@
-"""How the topics and services of a layer are named."""
+"""How topics are named: those of a layer, and those that users name."""
 
 from __future__ import annotations
 
@@ -28,3 +28,16 @@ def topic_name(layer: str, suffix: str) -> str:
     elif name[0] == "_" and layer[0] != "_":
         name = f"layer{name}"
     return f"{name}_{suffix}"
+
+
+def named_by_user(name: str, node_name: str) -> str:
+    """Return the full name of a topic that a user has named, as ROS resolves it.
+
+    >>> named_by_user("depth/image_raw", "/robot1/mapper"), named_by_user("~in", "/robot1/mapper")
+    ('/robot1/depth/image_raw', '/robot1/mapper/in')
+    """
+    if not name or name.startswith("/"):
+        return name
+    if name.startswith("~"):
+        return f"{node_name}/{name[1:].lstrip('/')}"
+    return f"{node_name.rpartition('/')[0]}/{name}"

@@ -52,7 +52,7 @@ class SemanticMapper:
             HypermapError: If a parameter or a file is wrong.
         """
         self._values = self._read()
-        settings = LiveSettings.of(self._values, self._port.origins())
+        settings = LiveSettings.of(self._values, self._port.origins(), self._port.node_name)
         if settings.save_to:
             _check_folder(Path(settings.save_to).absolute().parent, "save_to")
         if settings.map_directory:

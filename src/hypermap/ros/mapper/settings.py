@@ -11,6 +11,7 @@ from hypermap.perception.pose_convention import CONVENTIONS, OPTICAL
 from hypermap.recordings.messages.topic_names import image_folder, names_rectified
 from hypermap.recordings.samples import ValueSource
 from hypermap.ros.port import Parameter, Value
+from hypermap.ros.topic_names import named_by_user
 
 CLOUD = "sensor_msgs/PointCloud2"
 IMAGE = "sensor_msgs/Image"
@@ -190,14 +191,22 @@ class LiveSettings:
         return f"found {' and '.join(said) or 'none'}"
 
     @classmethod
-    def of(cls, values: Mapping[str, Value], origins: Mapping[str, str]) -> LiveSettings:
+    def of(
+        cls, values: Mapping[str, Value], origins: Mapping[str, str], node_name: str
+    ) -> LiveSettings:
         """Return the settings among a node's parameters; raises as the class does.
 
         Args:
             values: of the parameters.
             origins: where those that were given come from, in words.
+            node_name: the full name of the node, in whose namespace are topics without a slash.
         """
         known: dict[str, Any] = {f.name: values[f.name] for f in fields(cls) if f.name in values}
+        for name, value in known.items():
+            if name.endswith("_topic"):
+                known[name] = named_by_user(value, node_name)
+            elif name == "values":
+                known[name] = [named_by_user(text, node_name) for text in value]
         return cls(**known, origins=origins)
 
     @property

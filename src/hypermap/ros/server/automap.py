@@ -17,6 +17,7 @@ from hypermap.exploration.coverage import LAYER, AreaToMap, Coverage
 from hypermap.ros.port import Closable, Message, Parameter, Port, Value
 from hypermap.ros.server.current_map import CurrentMap
 from hypermap.ros.server.requests import Requests
+from hypermap.ros.topic_names import named_by_user
 
 _AREA_TOPIC, _POLYGON = "/polygon", "geometry_msgs/PolygonStamped"
 _WAITING = 100  # polygons in the queue; each of them counts
@@ -54,7 +55,8 @@ class AutoMap:
 
     def set(self, values: Mapping[str, Value]) -> None:
         """Take parameters."""
-        self._covered_topic = str(values.get("covered_topic", self._covered_topic))
+        named = str(values.get("covered_topic", self._covered_topic))
+        self._covered_topic = named_by_user(named, self._port.node_name)
         if "automap" in values:
             if values["automap"]:
                 self._port.log("info", self.start())
