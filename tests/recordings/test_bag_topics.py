@@ -20,7 +20,7 @@ from hypermap.recordings.bag.topics import (
     may_hold_depth,
 )
 
-from .bag_builder import BagBuilder, add_poses, camera_info, image
+from .bag_builder import BagBuilder, add_poses, camera_info, compressed, image, picture
 from .shots import SHOTS
 
 OPENNI = {
@@ -186,9 +186,66 @@ def test_depth_that_no_name_tells_is_found_by_its_encoding(tmp_path: Path, kind:
     )
 
 
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_depth_in_png_is_found_where_no_other_depth_is(tmp_path: Path, kind: str) -> None:
+    with BagBuilder(tmp_path, kind) as bag:
+        add_poses(bag, SHOTS)
+        for shot in SHOTS:
+            color = image(shot.color, "rgb8", shot.stamp)
+            bag.add("/kinect2/qhd/image_color_rect", IMAGE, shot.stamp, color)
+            depth = compressed(picture(shot.depth_mm), "16UC1; png compressed ", shot.stamp)
+            bag.add("/kinect2/qhd/image_depth_rect/compressed", COMPRESSED, shot.stamp, depth)
+            bag.add("/kinect2/qhd/camera_info", CAMERA_INFO, shot.stamp, camera_info(shot.stamp))
+    recording = open_recording(bag.path)
+    for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        np.testing.assert_array_equal(np.nan_to_num(1000 * frame.depth).round(), shot.depth_mm)
+    assert recording.info().notes[0] == (
+        "/kinect2/qhd/image_depth_rect/compressed is taken as depth, because of its encoding "
+        "16UC1; png compressed"
+    )
+
+
 def test_thermal_images_which_have_16_bits_too_are_not_taken_as_depth() -> None:
     assert may_hold_depth(Topic("/oak/stereo/image_raw", IMAGE, 1))
     assert not may_hold_depth(Topic("/Thermal/image_raw", IMAGE, 1))
+
+
+TWO_ROBOTS = {
+    f"/robot{number}/{name}": type_name
+    for number in (1, 2)
+    for name, type_name in {
+        "camera/depth": IMAGE,
+        "map": OCCUPANCY,
+        "tf": TRANSFORMS[0],
+        "tf_static": TRANSFORMS[0],
+    }.items()
+}
+
+
+@pytest.mark.parametrize(
+    ("depth", "others", "expected"),
+    [
+        ("/robot2/camera/depth", (), ["/robot2/tf", "/robot2/tf_static"]),
+        ("/robot1/camera/depth", ("/tf",), ["/robot1/tf", "/robot1/tf_static", "/tf"]),
+        (
+            "/camera/depth",
+            ("/tf",),
+            ["/robot1/tf", "/robot1/tf_static", "/robot2/tf", "/robot2/tf_static", "/tf"],
+        ),
+    ],
+)
+def test_tf_is_that_of_the_robot_with_the_camera(
+    depth: str, others: tuple[str, ...], expected: list[str]
+) -> None:
+    names = {**TWO_ROBOTS, "/camera/depth": IMAGE, **dict.fromkeys(others, TRANSFORMS[0])}
+    topics = [Topic(name, kind, 1) for name, kind in names.items()]
+    chosen = choose_topics(topics, RecordingOptions(depth_topic=depth))
+    assert [topic.name for topic in chosen.transforms] == expected
+    said = [note for note in chosen.notes if note.startswith("poses are from")]
+    assert len(said) == (depth != "/camera/depth")
+    own = "/robot2/map" if depth.startswith("/robot2") else "/robot1/map"
+    assert chosen.occupancy is not None
+    assert chosen.occupancy.name == own
 
 
 def test_all_topics_of_tf_are_read() -> None:

@@ -238,6 +238,14 @@ def test_quantised_depth_comes_back_by_the_transports_formula() -> None:
     np.testing.assert_array_equal(depth, np.float32([[NAN, 2.0, 1.0]]))
 
 
+@pytest.mark.parametrize("kind", ["16UC1; png compressed ", "png"])
+def test_a_png_of_depth_is_read(kind: str) -> None:
+    depth = depth_of_compressed(compressed(picture(np.array([[0, 1500]], np.uint16)), kind), 1000)
+    np.testing.assert_array_equal(depth, np.float32([[NAN, 1.5]]))
+    with pytest.raises(FormatError, match="expected a depth image of 16 bits, found a picture of"):
+        depth_of_compressed(compressed(picture(np.array([[0, 150]], np.uint8)), kind), 1000)
+
+
 def rvl(pixels: NDArray[np.uint16]) -> bytes:
     """Encode as Wilson's paper lists it, but by collecting nibbles."""
     nibbles: list[int] = []
@@ -307,7 +315,7 @@ RANDOM = np.random.default_rng(1).integers(0, 65535, (4, 4), dtype=np.uint16)
         (
             compressed(picture(GRAY), "jpeg"),
             "expected a depth image of format '16UC1; compressedDepth' or "
-            "'32FC1; compressedDepth', found 'jpeg'",
+            "'32FC1; compressedDepth', or a PNG of 16 bits, found 'jpeg'",
         ),
         (
             compressed(b"short", "16UC1; compressedDepth"),

@@ -23,7 +23,14 @@ from hypermap.recordings.bag.file import BagFile
 from hypermap.recordings.bag.plan import BagPlan
 from hypermap.recordings.bag.reader import FrameMessages, MessageReader
 from hypermap.recordings.bag.stream import stream_frames
-from hypermap.recordings.bag.topics import ChosenTopics, choose_topics, may_hold_depth
+from hypermap.recordings.bag.topics import (
+    COMPRESSED,
+    IMAGE,
+    ChosenTopics,
+    choose_topics,
+    may_hold_depth,
+)
+from hypermap.recordings.messages.compressed_depth import is_png
 from hypermap.recordings.messages.header import as_seconds
 from hypermap.recordings.messages.images import DEPTH_ENCODINGS
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
@@ -191,10 +198,15 @@ class BagRecording:
             raise FormatError(str(error), path=self._path) from None
 
     def _depth_by_encoding(self) -> tuple[str, str] | None:
-        """Return the first topic whose first image is depth, as of OAK-D's stereo, and how."""
+        """Return the first topic whose first image is depth, as of OAK-D's stereo, and how.
+
+        Or one of PNGs of depth, as of the Kinect 2.
+        """
         for topic in filter(may_hold_depth, self._bag.topics):
             for _, _, message in self._bag.messages([topic.name], on_damaged=lambda *_: None):
-                if message.encoding in DEPTH_ENCODINGS:
+                if topic.type == COMPRESSED and is_png(message):
+                    return topic.name, message.format.strip()
+                if topic.type == IMAGE and message.encoding in DEPTH_ENCODINGS:
                     return topic.name, message.encoding
                 break
         return None

@@ -39,7 +39,7 @@ class ChosenTopics:
         color_info: intrinsics of the color images; only if depth is to be registered to them.
         detections: recorded detections.
         occupancy: an occupancy map.
-        transforms: all topics of tf.
+        transforms: the topics of tf of the camera's robot.
         notes: sentences on choices that were made.
     """
 
@@ -115,15 +115,41 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
             _is(*DETECTIONS),
             _detections_rank(color.name if color else near),
         ),
-        choice.pick("map", options.map_topic, _is(OCCUPANCY), _is_map, _map_rank),
-        tuple(topic for topic in choice.topics if topic.type in TRANSFORMS),
+        choice.pick("map", options.map_topic, _is(OCCUPANCY), _is_map, _map_rank(near)),
+        choice.transforms(near),
         _color_info(choice.topics, color) if options.register else None,
         tuple(choice.notes),
     )
 
 
+def topics_of_tf(topics: Sequence[Topic], near: str) -> tuple[Topic, ...]:
+    """Return the topics of tf that tell where a sensor was.
+
+    Where several robots have a tf each, in namespaces of their own, and frames of the same names,
+    as with Nav2, these are the tf of the sensor's robot, and that without a namespace.
+
+    Args:
+        topics: of the bag.
+        near: topic of the sensor.
+    """
+    found = [topic for topic in topics if topic.type in TRANSFORMS]
+    own = [topic for topic in found if near.startswith(f"{_robot_of(topic)}/")]
+    is_named = any(map(_robot_of, own))
+    return tuple(own if is_named else found)
+
+
+def _robot_of(tf: Topic) -> str:
+    """Return the namespace of a topic of tf; empty for /tf and /tf_static."""
+    return tf.name.rpartition("/")[0]
+
+
 def may_hold_depth(topic: Topic) -> bool:
-    """Return whether the images of a topic may be depth, although its name does not say so."""
+    """Return whether the images of a topic may be depth, although its name does not say so.
+
+    Compressed ones that name depth may be JPEGs of it, or PNGs, which keep it.
+    """
+    if topic.type == COMPRESSED:
+        return "depth" in topic.name.lower() and topic.count > 0 and not _is_color(topic)
     is_thermal = _has(topic.name.lower(), _THERMAL_WORDS)  # which has 16 bits, too
     return topic.type == IMAGE and topic.count > 0 and _is_color(topic) and not is_thermal
 
@@ -163,6 +189,17 @@ class _Choice:
                 f"{likely[0].name} is used; also there: {others}{more} (--{what}-topic)"
             )
         return likely[0] if likely else None
+
+    def transforms(self, near: str) -> tuple[Topic, ...]:
+        """Return the topics of tf for a sensor with this topic, and note if others are left out."""
+        found = topics_of_tf(self.topics, near)
+        others = [t.name for t in self.topics if t.type in TRANSFORMS and t not in found]
+        if others:
+            self.notes.append(
+                f"poses are from {', '.join(topic.name for topic in found)}; not from "
+                f"{', '.join(others)}, as of another robot"
+            )
+        return found
 
     def _named(self, what: str, name: str, is_possible: Callable[[Topic], bool]) -> Topic:
         found = next((topic for topic in self.topics if topic.name == name), None)
@@ -246,8 +283,14 @@ def _detections_rank(near: str) -> Callable[[Topic], Any]:
     return lambda topic: (-_shared_folders(topic.name, near), -topic.count)
 
 
-def _map_rank(topic: Topic) -> Any:
-    return topic.name != "/map", not topic.name.endswith("map")
+def _map_rank(near: str) -> Callable[[Topic], Any]:
+    """The map of all, or else that of the camera's robot."""
+
+    def rank(topic: Topic) -> Any:
+        name = topic.name
+        return name != "/map", not name.endswith("map"), -_shared_folders(name, near)
+
+    return rank
 
 
 def _has(name: str, words: Sequence[str]) -> bool:

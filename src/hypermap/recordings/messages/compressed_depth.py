@@ -1,4 +1,4 @@
-"""Depth from the images of `compressed_depth_image_transport`.
+"""Depth from the images of `compressed_depth_image_transport`, and from PNGs of 16 bits.
 
 Source: that package's `codec.cpp`: a header of 12 bytes (format, A, B), then a PNG, or for RVL
 the width, the height and the code. Depth of type 32FC1 is kept as a 16 bit inverse depth q, from
@@ -21,11 +21,18 @@ _HEADER = struct.Struct("<iff")
 _RVL_SIZE = struct.Struct("<II")
 
 
+def is_png(message: Any) -> bool:
+    """Return whether a compressed image is a PNG alone, as of `compressed_image_transport`."""
+    kind = message.format.lower()
+    return "png" in kind and "compresseddepth" not in kind
+
+
 def depth_of_compressed(message: Any, units_per_meter: float) -> NDArray[np.float32]:
     """Return the depth in a `sensor_msgs/CompressedImage`, meters, NaN for no return.
 
     Args:
-        message: an image of format "16UC1; compressedDepth ..." or "32FC1; compressedDepth ...".
+        message: an image of format "16UC1; compressedDepth ..." or "32FC1; compressedDepth ...", or
+            a PNG of 16 bits.
         units_per_meter: scale of 16UC1.
 
     Returns:
@@ -34,11 +41,13 @@ def depth_of_compressed(message: Any, units_per_meter: float) -> NDArray[np.floa
     Raises:
         FormatError: If the format is another or the data damaged.
     """
+    if is_png(message):
+        return depth_in_meters(decode_integers(bytes(message.data)), units_per_meter)
     encoding, _, transport = (word.strip() for word in message.format.partition(";"))
     if encoding not in ("16UC1", "32FC1") or "compressedDepth" not in transport:
         raise FormatError(
             "expected a depth image of format '16UC1; compressedDepth' or "
-            f"'32FC1; compressedDepth', found {message.format!r}"
+            f"'32FC1; compressedDepth', or a PNG of 16 bits, found {message.format!r}"
         )
     data = bytes(message.data)
     if len(data) < _HEADER.size:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FormatError, FrameError, HypermapError, did_you_mean
 from hypermap.core.moving_frames import Chain, FixedPose, Motion, MovingFrames
 from hypermap.recordings.bag.file import BagFile, DamagedMessage, Topic
-from hypermap.recordings.bag.topics import TRANSFORMS
+from hypermap.recordings.bag.topics import TRANSFORMS, topics_of_tf
 from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
 from hypermap.recordings.messages.transforms import TransformLog
 from hypermap.recordings.samples.fields import reading_of
@@ -60,7 +60,7 @@ def read_bag(
         kind = _topic(bag, topic).type
         reading = reading_of(kind, field)
         log = _Log()
-        tf = _transform_topics(bag)
+        tf = {one.name for one in topics_of_tf(bag.topics, topic)}
         for name, log_time, message in bag.messages({topic, *tf}, log.on_damaged):
             if name in tf:
                 log.transforms.add(message, is_static=name.endswith("tf_static"))

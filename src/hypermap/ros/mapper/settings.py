@@ -50,7 +50,9 @@ class LiveSettings:
     origins: Mapping[str, str] = field(default_factory=dict, repr=False)  # where values come from
 
     depth_topic: str = _setting(
-        "", "Depth images, registered to color; compressed if the name ends in /compressedDepth."
+        "",
+        "Depth images, registered to color; compressed if the name ends in /compressedDepth, or in "
+        "/compressed (PNG).",
     )
     cloud_topic: str = _setting("", "Organised clouds, in place of depth images.")
     camera_info_topic: str = _setting(
@@ -219,7 +221,8 @@ class LiveSettings:
         """Type of its messages."""
         if self.cloud_topic:
             return CLOUD
-        return COMPRESSED if self.depth_topic.endswith("/compressedDepth") else IMAGE
+        is_compressed = self.depth_topic.endswith(("/compressedDepth", "/compressed"))
+        return COMPRESSED if is_compressed else IMAGE
 
     @property
     def color_type(self) -> str:
