@@ -62,19 +62,21 @@ class StoreService:
         self.is_closing = False
         self.connections = Connections(address)
         self._allows_edits = allows_edits
-        item = "/collections/{collection}/items/{feature}"
+        # A path, as the name of a site may have a slash; so what ends otherwise comes first.
+        one = "/collections/{collection:path}"
+        item = f"{one}/items/{{feature}}"
         routes = [
             self._route("/", self._landing),
             self._route("/conformance", self._conformance),
             self._route("/api", self._api),
             self._route("/collections", self._collections),
-            self._route("/collections/{collection}", self._collection),
-            self._route("/collections/{collection}/items", self._items),
             self._route(item, self._item),
+            self._route(f"{one}/items", self._items),
+            self._route(one, self._collection),
         ]
         if allows_edits:
             routes += [
-                Route("/collections/{collection}/items", self._add, methods=["POST"]),
+                Route(f"{one}/items", self._add, methods=["POST"]),
                 Route(item, self._replace, methods=["PUT"]),
                 Route(item, self._remove, methods=["DELETE"]),
             ]
