@@ -24,9 +24,12 @@ export function bestName(names: ClassInfo[], typed: string): string {
 }
 
 const ASKS =
-  /^(where|what|which|who|how|when|is|are|am|do|does|did|has|have|can|find|show|list|count|give|tell)\s/i;
-const COMPARES = /^(the |all )?(nearest|closest|farthest|largest|biggest|smallest)\s/i;
-const RELATES = /\s(near|next to|by|in|inside|within|on|under|behind|between|beside)\s/i;
+  /^((where|what|who)(['’]?s)?|which|how|when|is|are|am|do|does|did|has|have|can|could|i|any|find|show|list|count|give|tell)\s/i;
+// Also "the second nearest cup" and "two largest tables".
+const COMPARES =
+  /^(the |all )?(\w+[ -])?(nearest|closest|farthest|furthest|largest|biggest|smallest|tallest|newest)\s/i;
+const RELATES =
+  /\s(near|next to|by|in|inside|within|with|without|on|under|behind|between|beside)\s/i;
 
 /** Whether a text is a question in English ("nearest cup", too), and no part of a name. */
 export function isQuestion(names: ClassInfo[], text: string): boolean {

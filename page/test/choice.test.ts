@@ -35,6 +35,12 @@ test("a question is told from a name", () => {
     "nearest cup",
     "the largest table",
     "cups near the sofa",
+    "where's my cup",
+    "I need a cup",
+    "any cups left",
+    "the second nearest cup",
+    "tallest shelf",
+    "rooms with a bed",
   ])
     assert.ok(isQuestion(things, text), text);
   for (const text of [
