@@ -108,8 +108,14 @@ def test_images_after_the_last_pose_of_one_file_are_left_out(
             path.rename(path.with_name(f"{number + first - 1}.png"))
     log = folder / "scene/trajectory.log"
     log.write_text("".join(log.read_text().splitlines(keepends=True)[: 5 * count]))
-    for frame, shot in zip(open_recording(folder).frames(), SHOTS[:count], strict=True):
+    recording = open_recording(folder)
+    for frame, shot in zip(recording.frames(), SHOTS[:count], strict=True):
         assert_shows(frame, shot)
+    assert (
+        f"trajectory.log has {count} poses for 4 depth images: they are taken as those of the "
+        f"images {first} to {first + count - 1}; if they are of others, the images must be named "
+        f"by the number of their pose, from {first}"
+    ) in recording.info().notes
 
 
 def test_intrinsics_may_lie_one_folder_up_as_those_of_all_scenes_of_replica(

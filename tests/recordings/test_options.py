@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hypermap.core.errors import FormatError
 from hypermap.recordings import RecordingOptions
 
 TURNED = [0, -1, 0, 1, 1, 0, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1]
@@ -42,6 +43,18 @@ def test_intrinsics_become_a_camera() -> None:
     assert (camera.width, camera.height) == (640, 480)
 
 
+def test_intrinsics_of_another_image_size_are_refused() -> None:
+    options = RecordingOptions(
+        intrinsics=(600, 600, 599.5, 339.5), register=True, color_intrinsics=(500, 500, 320, 500)
+    )
+    assert options.camera(1200, 680) is not None
+    for camera, flag in ((options.camera, "--intrinsics"), (options.color_camera, "--color-i")):
+        with pytest.raises(
+            FormatError, match=f"^{flag}.* is not on the images of 320 x 240 pixels"
+        ):
+            camera(320, 240)
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -65,6 +78,11 @@ def test_intrinsics_become_a_camera() -> None:
         (
             {"intrinsics": (1, 0, 3, 4)},
             "intrinsics: the focal lengths must be positive, got (1, 0)",
+        ),
+        (
+            {"intrinsics": (481.2, -480, 319.5, 239.5)},
+            "intrinsics: the focal lengths must be positive, got (481.2, -480); a negative fy "
+            "belongs to mirrored poses (docs/recordings.md)",
         ),
         (
             {"map_T_world": [0] * 7},

@@ -47,6 +47,12 @@ class Camera:
         """Return a camera from its focal lengths and principal point [pixels]."""
         return cls(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=float), width, height)
 
+    @property
+    def has_center_on_image(self) -> bool:
+        """Whether the principal point is on the images; if not, they likely have another size."""
+        cx, cy = self.K[:2, 2]
+        return bool(0 < cx < self.width and 0 < cy < self.height)
+
     def every(self, step: int) -> Camera:
         """Return the camera of the image that keeps every `step`-th row and column."""
         K = self.K / [[step], [step], [1]]

@@ -52,9 +52,9 @@ class Intrinsics:
             camera = Camera(self.K, width, height)
         except ValueError as error:
             raise FormatError(str(error), path=self.path) from None
-        cx, cy = camera.K[:2, 2]
         wrong = None
-        if not (0 < cx < width and 0 < cy < height):
+        if not camera.has_center_on_image:
+            cx, cy = camera.K[:2, 2]
             wrong = f"the principal point ({cx:g}, {cy:g}) is not on the images of"
         elif self.size is not None and self.size != (width, height):
             wrong = f"the size is {self.size[0]:g} x {self.size[1]:g}, not that of the images,"

@@ -177,6 +177,13 @@ class NumberedRecording(ImageFolder):
                 path=self._path,
             )
         notes = []
+        if self._files.trajectory is not None and len(poses) != len(depths):
+            notes.append(
+                f"{self._files.trajectory.name} has {counted(len(poses), 'pose')} for "
+                f"{counted(len(depths), 'depth image')}: they are taken as those of the images "
+                f"{min(poses)} to {max(poses)}; if they are of others, the images must be named by "
+                f"the number of their pose, from {min(poses)}"
+            )
         if incomplete:
             notes.append(f"left out, without an image or a pose: {counted(incomplete, 'frame')}")
         if broken:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hypermap.core.errors import FormatError
 from hypermap.core.trajectory import compose, pose_from_rpy
 from hypermap.perception.frame import Camera
 from hypermap.perception.pose_convention import CONVENTIONS, OPTICAL, optical_poses
@@ -121,16 +122,16 @@ class RecordingOptions:
         return _matrix("color_T_depth", self.color_T_depth)
 
     def camera(self, width: int, height: int) -> Camera | None:
-        """Return the camera from the user, if given."""
-        if self.intrinsics is None:
-            return None
-        return Camera.from_intrinsics(*self.intrinsics, width=width, height=height)
+        """Return the camera from the user, if given.
+
+        Raises:
+            FormatError: If its principal point is not on images of this size.
+        """
+        return _camera("--intrinsics", self.intrinsics, width, height)
 
     def color_camera(self, width: int, height: int) -> Camera | None:
-        """Return the color camera from the user, if given."""
-        if self.color_intrinsics is None:
-            return None
-        return Camera.from_intrinsics(*self.color_intrinsics, width=width, height=height)
+        """Return the color camera from the user, if given; raises like `camera`."""
+        return _camera("--color-intrinsics", self.color_intrinsics, width, height)
 
     def turned_size(self, camera: Camera) -> tuple[int, int]:
         """Return columns and rows of a camera's images after rotation."""
@@ -142,7 +143,12 @@ class RecordingOptions:
         if numbers is not None:
             _check_numbers(name, numbers, {4: "fx, fy, cx, cy"})
             if min(numbers[:2]) <= 0:
-                raise ValueError(f"{name}: the focal lengths must be positive, got {numbers[:2]}")
+                hint = ""
+                if numbers[1] < 0 < numbers[0]:  # as of ICL-NUIM
+                    hint = "; a negative fy belongs to mirrored poses (docs/recordings.md)"
+                raise ValueError(
+                    f"{name}: the focal lengths must be positive, got {numbers[:2]}{hint}"
+                )
 
     def _check_pose(self, name: str) -> None:
         if getattr(self, name) is not None:
@@ -179,6 +185,20 @@ def nearest_rigid(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     rigid[:3, :3] = left @ right
     rigid[:3, 3] = pose[:3, 3]
     return rigid
+
+
+def _camera(
+    flag: str, intrinsics: tuple[float, float, float, float] | None, width: int, height: int
+) -> Camera | None:
+    if intrinsics is None:
+        return None
+    camera = Camera.from_intrinsics(*intrinsics, width=width, height=height)
+    if not camera.has_center_on_image:
+        raise FormatError(
+            f"{flag}: the principal point ({intrinsics[2]:g}, {intrinsics[3]:g}) is not on the "
+            f"images of {width} x {height} pixels: these intrinsics are for another image size"
+        )
+    return camera
 
 
 def _matrix(name: str, pose: ArrayLike | None) -> NDArray[np.float64]:
