@@ -38,6 +38,12 @@ def test_a_pose_is_chained_from_the_camera_up_to_the_map() -> None:
     assert end[:3, 0] == pytest.approx([0, 1, 0])
 
 
+def test_the_edges_between_two_frames_leave_out_what_lies_above_both() -> None:
+    assert set(robot().edges_between("camera", "laser")) == {("base", "camera"), ("base", "laser")}
+    assert set(robot().edges_between("map", "laser")) == {("map", "base"), ("base", "laser")}
+    assert robot().edges_between("base", "base") == {}
+
+
 def test_two_branches_meet_at_their_common_frame_whatever_lies_above() -> None:
     camera_T_laser = robot().motion("camera", "laser").at([3.0])[0]
     assert camera_T_laser[:3, 3] == pytest.approx([-0.5, 0, -0.8])

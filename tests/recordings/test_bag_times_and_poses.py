@@ -86,6 +86,27 @@ def test_every_nth_frame_and_frames_outside_the_poses_are_counted(tmp_path: Path
     )
 
 
+@pytest.mark.parametrize(("at", "known"), [((-1,), 0), ((-1, 3), 0), ((0,), 1)])
+def test_a_transform_that_is_recorded_too_seldom_is_named(
+    tmp_path: Path, at: tuple[int, ...], known: int
+) -> None:
+    """That of odom in the map, some seconds from the first image; all others are there."""
+    with BagBuilder(tmp_path, "mcap") as bag:
+        for second in at:
+            bag.add_tf("/tf", START + second * 10**9, "map", "odom", (0, 0, 0))
+        bag.add_tf("/tf_static", START, "base", "camera", (0, 0, 1))
+        for shot in SHOTS:
+            bag.add_tf("/tf", shot.stamp, "odom", "base", shot.position, shot.quat_xyzw)
+            add_images(bag, shot)
+    info = open_recording(bag.path).info()
+    assert info.frames == known
+    [text] = [text for text in (*info.missing, *info.notes) if "where 'odom' is in 'map'" in text]
+    number = "1 transform," if len(at) == 1 else "2 transforms,"
+    assert f"tf says at {known / len(SHOTS):.0%} of the images where" in text
+    assert number in text
+    assert bool(info.missing) == (not known)
+
+
 def test_depth_and_poses_that_do_not_overlap_name_both_times(tmp_path: Path) -> None:
     with BagBuilder(tmp_path, "ros1") as bag:
         bag.add_tf("/tf", 5 * 10**9, "map", "camera", (0, 0, 0))

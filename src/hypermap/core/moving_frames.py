@@ -137,6 +137,14 @@ class MovingFrames:
             )
         return Chain((Inverse(Chain(up[shared])), Chain(down[shared])))
 
+    def edges_between(self, one: str, other: str) -> dict[tuple[str, str], Motion]:
+        """Return the motion `parent_T_child` of each parent and child between two frames."""
+        up, down = self._to_root(one), self._to_root(other)
+        apart = [
+            frame for path in (up, down) for frame in path if not (frame in up and frame in down)
+        ]
+        return {(self._edges[child][0], child): self._edges[child][1] for child in apart}
+
     def _to_root(self, frame: str) -> dict[str, tuple[Motion, ...]]:
         """Return the frame and its ancestors, each with the links down to `frame`."""
         path: dict[str, tuple[Motion, ...]] = {frame: ()}

@@ -31,6 +31,7 @@ from hypermap.recordings.messages.topic_names import names_rectified
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 from hypermap.recordings.problems import problems_of
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.perception.rectification import Rectification
@@ -90,7 +91,7 @@ class BagPlan:
 
     def left_out(self) -> list[str]:
         """Return sentences on parts of the bag that can be read, but give no frame."""
-        notes = [*self._tree[1], *self.frames.notes]
+        notes = [*self._tree[1], *self.frames.notes, *self._least_known()]
         if repeated := self._contents.geometry.repeated + self._contents.color.repeated:
             notes.append(f"{repeated} images repeat a stamp and are left out")
         return notes
@@ -302,7 +303,28 @@ class BagPlan:
         try:
             return plan_frames(depth, color, motion, span, self._options)
         except FormatError as error:
-            raise FormatError("; ".join([str(error), *self._tree[1]])) from None
+            said = [str(error), *self._tree[1], *self._least_known()]
+            raise FormatError("; ".join(said)) from None
+
+    def _least_known(self) -> list[str]:
+        """Return which transform is missing at most of the images, as a sentence, if one is."""
+        stamps = self._contents.geometry.seconds() + self._options.time_offset
+        begin, end = self._contents.transforms.span()
+        is_within = ((stamps >= begin) & (stamps <= end)).mean() > 0.5
+        if self._tree[1] or not is_within:  # which says more
+            return []
+        edges = self._tree[0].edges_between(self.map_frame, self._camera_frame)
+        known = {edge: float(motion.covers(stamps).mean()) for edge, motion in edges.items()}
+        worst = min(known, key=lambda edge: known[edge], default=("", ""))
+        if known.get(worst, 1.0) > 0.5:
+            return []
+        log = self._contents.transforms.stamps(worst)
+        parent, child = worst
+        return [
+            f"tf says at {known[worst]:.0%} of the images where {child!r} is in {parent!r}: it has "
+            f"{counted(len(log), 'transform')}, from {log.min():.3f} to {log.max():.3f} s; "
+            "record it more often, or in tf_static if it is fixed"
+        ]
 
     @cached_property
     def stamps(self) -> list[tuple[int, ...]]:

@@ -52,10 +52,14 @@ class TransformLog:
 
     def span(self) -> tuple[float, float]:
         """Return the first and last stamp of what moves [s]; NaN if nothing does."""
-        stamps = [np.frombuffer(log)[::8] for log in self._moving.values()]
+        stamps = [self.stamps(edge) for edge in self._moving]
         if not stamps:
             return math.nan, math.nan
         return min(float(s.min()) for s in stamps), max(float(s.max()) for s in stamps)
+
+    def stamps(self, edge: Edge) -> NDArray[np.float64]:
+        """Return the stamps of the moving transforms of an edge [s], in the order of recording."""
+        return np.frombuffer(self._moving[edge])[::8]
 
     def frames(self, max_gap: float) -> tuple[MovingFrames, list[str]]:
         """Return the tree, and notes on problems.
