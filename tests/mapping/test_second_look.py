@@ -136,12 +136,46 @@ def test_detections_of_an_unmoved_neighbor_are_of_that_one(
     item: SemanticObject, before: SemanticObject, after: SemanticObject, is_there: bool
 ) -> None:
     shown = [shapely.box(1.85, 0.18, 2.15, 0.6)]
-    second = look(frames(0, *SEEN, shapes=shown), frames(1, *SEEN, shapes=shown))
+    drives = [frames(day, *SEEN, shapes=shown) for day in (0, 1)]
+    both = [frames(day, *SEEN, shapes=[*shown, INSIDE]) for day in (0, 1)]
     layer = SemanticLayer("semantic", "map", [before])
-    second = dataclasses.replace(second, before=layer, after=[after, item])
-    for change in (Change(ADDED, "semantic", None, item), Change(GONE, "semantic", item, None)):
+    came, left = Change(ADDED, "semantic", None, item), Change(GONE, "semantic", item, None)
+    for change, days in ((came, (drives[0], both[1])), (left, (both[0], drives[1]))):
+        second = dataclasses.replace(look(*days), before=layer, after=[after, item])
         assert (second.chance(change) > 0.99) == is_there
         assert (second.chance(change) < 0.01) != is_there
+
+
+@pytest.mark.parametrize(
+    ("other", "shows", "is_second"),
+    [
+        (neighbor(8), [NEIGHBOR.footprint], True),
+        (neighbor(8), [shapely.box(1.85, 0.18, 2.15, 0.6)], True),  # it reaches over both
+        (neighbor(8, y=-0.2), [NEIGHBOR.footprint], True),  # both share floor
+        (neighbor(8), [NEIGHBOR.footprint, INSIDE], False),
+        (neighbor(8, y=-0.2), [shapely.box(1.85, 0.1, 2.15, 0.5), INSIDE], False),
+        (neighbor(8, y=0.5), [shapely.box(1.8, 0.2, 2.2, 0.3)], False),  # far from each other
+        (neighbor(8, name="bin"), [INSIDE], False),
+    ],
+)
+def test_a_second_object_of_one_thing_did_not_come_or_go(
+    other: SemanticObject, shows: list[shapely.Polygon], is_second: bool
+) -> None:
+    layer = SemanticLayer("semantic", "map", [other, CHAIR])
+    for change, days in (
+        (CAME, (frames(0, *EMPTY), frames(1, *SEEN, shapes=shows))),
+        (LEFT, (frames(0, *SEEN, shapes=shows), frames(1, *EMPTY))),
+    ):
+        second = dataclasses.replace(look(*days), before=layer, after=layer.objects())
+        assert (second.chance(change) > 0.99) == is_second
+        assert (second.chance(change) < 0.01) != is_second
+
+
+def test_what_no_frame_could_see_is_no_second_object() -> None:
+    layer = SemanticLayer("semantic", "map", [neighbor(8), CHAIR])
+    hidden = look(frames(0, *EMPTY), frames(1, *SEEN, reach=1.0))
+    second = dataclasses.replace(hidden, before=layer, after=layer.objects())
+    assert second.chance(CAME) < 0.01
 
 
 def test_what_a_frame_shows_beside_an_unmoved_neighbor_is_another_one() -> None:
@@ -155,7 +189,8 @@ def test_what_a_frame_shows_beside_an_unmoved_neighbor_is_another_one() -> None:
 def test_outlines_that_cross_themselves_are_compared_all_the_same() -> None:
     bow = shapely.Polygon([(1.8, 0.25), (2.2, 0.65), (2.2, 0.25), (1.8, 0.65)])
     shown = [shapely.box(1.85, 0.18, 2.15, 0.6)]
-    second = look(frames(0, *SEEN, shapes=shown), frames(1, *SEEN, shapes=shown))
+    both = [*shown, INSIDE]
+    second = look(frames(0, *SEEN, shapes=shown), frames(1, *SEEN, shapes=both))
     crossed = [dataclasses.replace(neighbor(found), footprint=bow) for found in (8, 16)]
     layer = SemanticLayer("semantic", "map", crossed[:1])
     second = dataclasses.replace(second, before=layer, after=[crossed[1], CHAIR])

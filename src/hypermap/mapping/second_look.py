@@ -34,6 +34,7 @@ from hypermap.mapping.prepared_polygon import PreparedPolygon
 
 _VISIBLE = 0.5  # share of an object that a frame must be able to see
 _BESIDE = 0.1  # [m] between an object and a detection of it, at most
+_NEXT = 0.5  # [m] between two objects, one of which may be a second one of the other
 _LARGE = 0.3  # [m]; smaller objects cannot be told from others beside them
 _APART = 0.1  # share of an object that another one beside it may seem to take
 _FOUND = 0.8  # share of such frames that detect an object which is there
@@ -65,20 +66,58 @@ class SecondLook:
         One that came may have been there in the last of the earlier drives that could see its
         place, and one that is gone may still be there in the present drive. Before a drive could
         see the place, both are as likely; without one, the answer is 0.
+
+        Beside another one of its class, it may also be a second object of that one: then the drive
+        that shows it hardly detects both at once.
         """
         present, *earlier = rows_of_drives(len(self.log.frames), self.drives)[::-1]
-        for rows in earlier if change.kind == ADDED else (present,):
-            shown, detected = self._looks(change.object, rows)
+        has_come, item, shapes = change.kind == ADDED, change.object, self._with_rivals(change)
+        without, within = (earlier, [present]) if has_come else ([present], earlier)
+        stayed = self._chance_in(without, item, self._with_neighbors(item), unseen=0.0)
+        if len(shapes) == 1:
+            return stayed
+        return max(stayed, 1 - self._chance_in(within, item, shapes, unseen=1.0))
+
+    def _chance_in(
+        self,
+        drives: Sequence[slice],
+        item: SemanticObject,
+        shapes: Sequence[BaseGeometry],
+        unseen: float,
+    ) -> float:
+        """Return how likely an object was there in the first of some drives that could see it.
+
+        Args:
+            drives: rows of the log.
+            item: the object.
+            shapes: its own, and those of objects whose detections do not count; see `_looks`.
+            unseen: the answer if no drive could see it.
+        """
+        for rows in drives:
+            shown, detected = self._looks(item, rows, shapes)
             if shown:
                 return _chance(shown, detected)
-        return 0.0
+        return unseen
 
-    def _looks(self, item: SemanticObject, rows: slice) -> tuple[int, int]:
-        """Return how many frames of a drive could see an object, and how many of them detect it."""
+    def _with_rivals(self, change: Change) -> list[BaseGeometry]:
+        """Return the shape of what came or went, then those of its class beside it on that map."""
+        before = [] if self.before is None else self.before.objects()
+        item, others = change.object, self.after if change.kind == ADDED else before
+        alike = [one.footprint for one in others if one.name == item.name and one.id != item.id]
+        own, *rest = valid_copies(as_objects([item.footprint, *alike]))
+        return [own, *(shape for shape in rest if shapely.dwithin(shape, own, _NEXT))]
+
+    def _looks(
+        self, item: SemanticObject, rows: slice, shapes: Sequence[BaseGeometry]
+    ) -> tuple[int, int]:
+        """Return how many frames of a drive could see an object, and how many of them detect it.
+
+        Detections that rather are of the others of some `shapes`, of which its own is the first, do
+        not count.
+        """
         heights = [item.attributes.get(name) for name in ("z_min", "z_max")]
         if item.footprint.is_empty or not all(isinstance(one, int | float) for one in heights):
             return 0, 0
-        shapes = self._with_neighbors(item)
         samples, config = sample_points([PreparedPolygon.of(item.footprint)]), self.config.evidence
         shown = detected = 0
         for frame in self._frames_near(item, rows):
