@@ -215,6 +215,7 @@ def test_of_too_few_it_is_said_how_many_there_are(flat: Hypermap) -> None:
     answer = answer_to(flat, "the third nearest couch", Pose2D(0, 0))
     assert (answer.count, answer.notes) == (0, ("there is 1",))
     assert ("which", "the 3rd nearest") in understood(answer.query)
+    assert answer_to(flat, "the third largest room").notes == ("there are 2",)
 
 
 def test_the_tallest_is_among_those_whose_heights_are_known(flat: Hypermap) -> None:

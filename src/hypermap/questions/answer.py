@@ -336,6 +336,7 @@ class _Asking:
         elif query.which is not None:
             raise HypermapError(f"no room is the {query.which}; ask for the largest or the nearest")
         if query.which is not None:
+            self._note_rank(len(rooms))
             rooms = rooms[query.chosen]
         if far:
             self._finder.notes += [f"{room.name} is {far[room.id]:.2f} m away" for room in rooms]
@@ -405,15 +406,14 @@ class _Asking:
         elif query.which is not None and not is_later:
             found = found.take(_order(query.which, found))
         if query.which is not None and not is_later:
-            found = self._ranked(found)
+            self._note_rank(len(found))
+            found = found.take(query.chosen)
         return found.take(_order("newest", found)) if query.give == "last_seen" else found
 
-    def _ranked(self, found: Matches) -> Matches:
-        """Return the first ones, or the one of the rank that is asked for; a note if none is."""
-        rank = self._query.rank
-        if rank is not None and 0 < len(found) < rank:
-            self._finder.notes.append(f"there {'is' if len(found) == 1 else 'are'} {len(found)}")
-        return found.take(self._query.chosen)
+    def _note_rank(self, count: int) -> None:
+        """Note how many there are if none has the rank that is asked for."""
+        if 0 < count < (self._query.rank or 0):
+            self._finder.notes.append(f"there {'is' if count == 1 else 'are'} {count}")
 
     def _tallest_first(self, found: Matches) -> Matches:
         """Return the objects whose heights the map has, the tallest first."""
