@@ -186,6 +186,15 @@ def test_poses_of_another_convention_are_reported_with_the_option_that_reads_the
         )
 
 
+@pytest.mark.parametrize(("convention", "first", "last"), [("w-first", 60, 140), ("frd", 30, 90)])
+def test_poses_of_another_convention_do_not_pass_for_a_wrong_clock_or_unit(
+    convention: str, first: int, last: int
+) -> None:
+    frames = room()[first:last]
+    write = _AS_OTHERS_WRITE[convention]
+    assert wrong([f.moved_to(write(f.map_T_camera)) for f in frames]).keys() == {"poses"}
+
+
 def test_a_convention_that_was_given_wrongly_is_not_advised_again() -> None:
     options = RecordingOptions(pose_convention="opengl")
     frames = [frame.moved_to(options.poses_in_map(frame.map_T_camera)) for frame in room()[:60]]

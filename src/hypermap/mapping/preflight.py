@@ -136,7 +136,10 @@ class Preflight:
                 finding = measure()
                 if finding is not None:
                     self._settled[check] = finding
-        found = (self._level(floor), self._odd_depth(), *self._settled.values())
+        settled = list(self._settled.values())
+        if reading.convention != OPTICAL:  # so what else the poses tell is wrong
+            settled = [one for one in settled if not (one.is_wrong and one.check in _UNDECIDED)]
+        found = (self._level(floor), self._odd_depth(), *settled)
         undecided = [
             Finding(check, text) for check, text in _UNDECIDED.items() if check not in self._settled
         ]
