@@ -159,6 +159,7 @@ def test_how_big_a_room_is_may_be_asked_by_what_is_in_it(with_doors: Hypermap) -
         ("tables with a cup on them", [0]),
         ("what has anything on it", [0]),
         ("chairs with a cup on them", []),
+        ("what furniture has nothing on it", [3, 4, 5]),
         ("seats without a cup on them", [3, 4, 5]),
         ("seats near a table with a cup on it", [3, 4]),
         ("the largest object", [0]),

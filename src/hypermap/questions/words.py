@@ -259,6 +259,9 @@ _CONTRACTED = {
     "weren't": "were not",
     "didn't": "did not",
     "it's": "it is",
+    "with nothing": "without anything",
+    "has nothing": "has no thing",
+    "have nothing": "have no things",
 }
 _NUMBER = r"\d+(?:\.\d+)?"
 _POINT = rf"(?:\(\s*)?-?{_NUMBER}\s*,\s*-?{_NUMBER}\s*\)?"
