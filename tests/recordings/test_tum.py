@@ -337,6 +337,12 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
             "{}/groundtruth.txt: line 2: expected 8 numbers (stamp tx ty tz qx qy qz qw), found 7",
         ),
         (
+            line_of("groundtruth.txt", 2, "1 2 3 4 0 0 0 1 17"),
+            FormatError,
+            "{}/groundtruth.txt: line 2: expected 8 numbers (stamp tx ty tz qx qy qz qw), found 9; "
+            "RTAB-Map writes 8 with --poses_format 10",
+        ),
+        (
             line_of("groundtruth.txt", 3, "1 2 3 nan 0 0 0 1"),
             FormatError,
             "{}/groundtruth.txt: line 3: there is a number that is not finite",

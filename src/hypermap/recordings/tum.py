@@ -23,6 +23,11 @@ from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import finite_numbers, read_lines, words_of
 
+_OTHER_FORMS = {  # by how many numbers they have in a line
+    9: "; RTAB-Map writes 8 with --poses_format 10",
+    12: "; matrices, as of KITTI, have no stamps: write them in this form",
+}
+
 
 class TumRecording(ImageFolder):
     """A folder with `rgb.txt`, `depth.txt` and `groundtruth.txt`.
@@ -191,10 +196,9 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
     for key, text in read_lines(path):
         numbers = finite_numbers(words_of(text), path, key)
         if len(numbers) != 8:
-            is_kitti = len(numbers) == 12
             raise FormatError(
                 f"expected 8 numbers (stamp tx ty tz qx qy qz qw), found {len(numbers)}"
-                + ("; matrices, as of KITTI, have no stamps: write them in this form" * is_kitti),
+                + _OTHER_FORMS.get(len(numbers), ""),
                 path=path,
                 key=key,
             )
