@@ -107,6 +107,22 @@ def test_a_transform_that_is_recorded_too_seldom_is_named(
     assert bool(info.missing) == (not known)
 
 
+def test_a_frame_that_jumps_to_and_fro_is_named(tmp_path: Path) -> None:
+    with BagBuilder(tmp_path, "mcap") as bag:
+        for number in range(20):
+            stamp, side = START - 10**9 + number * 10**8 // 2, number % 2
+            bag.add_tf("/tf", stamp, "map", "camera", (0.5 * side, 0, 1.5))
+            bag.add_tf("/tf", stamp, "base", "tag", (side, 0, 0))  # nothing to do with the camera
+        bag.add_tf("/tf", START + 10**9, "map", "camera", (0, 0, 1.5))
+        for shot in SHOTS:
+            add_images(bag, shot)
+    notes = open_recording(bag.path, RecordingOptions(max_pose_gap=3)).info().notes
+    assert [note for note in notes if "to and fro" in note] == [
+        "frame 'camera' jumps to and fro in 'map', by 0.50 m: if two nodes publish where it is, "
+        "some of the poses are wrong"
+    ]
+
+
 def test_depth_and_poses_that_do_not_overlap_name_both_times(tmp_path: Path) -> None:
     with BagBuilder(tmp_path, "ros1") as bag:
         bag.add_tf("/tf", 5 * 10**9, "map", "camera", (0, 0, 0))

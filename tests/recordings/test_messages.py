@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from hypermap.core.errors import FormatError, FrameError
+from hypermap.core.moving_frames import Chain
 from hypermap.recordings.messages.camera import camera_of_info, has_distortion
 from hypermap.recordings.messages.detections import detections_of
 from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
-from hypermap.recordings.messages.transforms import TransformLog
+from hypermap.recordings.messages.transforms import TransformLog, leap_of
 
 
 def test_stamps_keep_their_nanoseconds_and_seconds_round_once() -> None:
@@ -102,6 +103,24 @@ def test_broken_transforms_and_second_parents_are_noted() -> None:
         "2 transforms are not finite and are left out",
         "2 transforms do not name their frames and are left out",
     ]
+
+
+def two_nodes(apart: float) -> TransformLog:
+    """One of 20 Hz, the other of 30 Hz; the robot drives at 0.5 m/s."""
+    sent = [(number / rate, rate) for rate in (20, 30) for number in range(4 * rate)]
+    log = TransformLog()
+    for time, rate in sorted(sent):
+        place = 0.5 * time + apart * (rate == 30)
+        log.add(transform("odom", "base", 100 + time, place), is_static=False)
+    return log
+
+
+@pytest.mark.parametrize(("apart", "leap"), [(0.4, 0.4), (0.05, 0.0), (0.0, 0.0)])
+def test_a_frame_that_two_nodes_publish_leaps(apart: float, leap: float) -> None:
+    motion = two_nodes(apart).frames(max_gap=1)[0].motion("odom", "base")
+    assert isinstance(motion, Chain)
+    [trajectory] = motion.links[1].links
+    assert leap_of(trajectory) == pytest.approx(leap, abs=0.02)
 
 
 def test_a_frame_that_moves_is_not_held_by_a_pose_of_tf_static() -> None:

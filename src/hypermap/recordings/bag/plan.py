@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError, FrameError
 from hypermap.core.moving_frames import Motion, MovingFrames
+from hypermap.core.trajectory import Trajectory
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera
 from hypermap.perception.pose_convention import optical_offset
@@ -28,6 +29,7 @@ from hypermap.recordings.messages.camera import camera_of_info, rectification_of
 from hypermap.recordings.messages.clouds import fit_camera
 from hypermap.recordings.messages.header import as_seconds, clean_frame
 from hypermap.recordings.messages.topic_names import names_rectified
+from hypermap.recordings.messages.transforms import leap_of
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 from hypermap.recordings.problems import problems_of
@@ -91,7 +93,7 @@ class BagPlan:
 
     def left_out(self) -> list[str]:
         """Return sentences on parts of the bag that can be read, but give no frame."""
-        notes = [*self._tree[1], *self.frames.notes, *self._least_known()]
+        notes = [*self._tree[1], *self.frames.notes, *self._least_known(), *self._leaps()]
         if repeated := self._contents.geometry.repeated + self._contents.color.repeated:
             notes.append(f"{repeated} images repeat a stamp and are left out")
         return notes
@@ -305,6 +307,17 @@ class BagPlan:
         except FormatError as error:
             said = [str(error), *self._tree[1], *self._least_known()]
             raise FormatError("; ".join(said)) from None
+
+    def _leaps(self) -> list[str]:
+        """Return sentences on frames that seem to be in two places, between camera and map."""
+        edges = self._tree[0].edges_between(self.map_frame, self._camera_frame).items()
+        leaps = {edge: leap_of(one) for edge, one in edges if isinstance(one, Trajectory)}
+        return [
+            f"frame {child!r} jumps to and fro in {parent!r}, by {leap:.2f} m: if two nodes "
+            "publish where it is, some of the poses are wrong"
+            for (parent, child), leap in leaps.items()
+            if leap > 0
+        ]
 
     def _least_known(self) -> list[str]:
         """Return which transform is missing at most of the images, as a sentence, if one is."""

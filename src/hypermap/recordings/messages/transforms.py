@@ -17,6 +17,7 @@ from hypermap.recordings.messages.header import as_seconds, clean_frame, nanosec
 Edge = tuple[str, str]  # parent, child
 
 _JUMP_BACK = 1.0  # [s] by which a stamp is earlier than the one before it if a clock was set back
+_LEAP, _AT_ONCE = 0.1, 0.1  # [m], [s]: no robot moves so far so soon, and back again
 _SAME = 1e-4  # difference of poses that are the same [m, rad]
 
 
@@ -154,3 +155,14 @@ def _trajectory(table: NDArray[np.float64], max_gap: float) -> Trajectory:
     _, last = np.unique(table[::-1, 0], return_index=True)
     table = table[::-1][last]
     return Trajectory(table[:, 0], table[:, 1:4], table[:, 4:], max_gap)
+
+
+def leap_of(motion: Trajectory) -> float:
+    """Return how far a frame jumps to and fro, as when two nodes disagree [m]; 0 if it does not."""
+    steps, times = np.diff(motion.positions, axis=0), np.diff(motion.stamps)
+    far = np.linalg.norm(steps, axis=1)
+    is_leap = (far > _LEAP) & (times < _AT_ONCE)
+    is_return = np.einsum("ni,ni->n", steps[:-1], steps[1:]) < -0.5 * far[:-1] * far[1:]
+    is_back = is_leap[:-1] & is_leap[1:] & is_return
+    often = np.count_nonzero(is_back) > 0.1 * len(times)
+    return float(np.median(far[:-1][is_back])) if often else 0.0
