@@ -253,6 +253,25 @@ def test_the_map_is_saved_by_itself_while_the_robot_drives(
     assert backup.read_text() == "an older map", "what the node made itself is no backup"
 
 
+def test_a_drive_that_the_map_has_already_is_said_at_the_end(
+    room: Callable[..., Room], drive: list[RgbdFrame], tmp_path: Path
+) -> None:
+    output = tmp_path / "live.hmap"
+    asked = {**RAW, "save_to": str(output), "save_every": 0.0}
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **asked)
+    node.show_camera_info(drive[0])
+    node.map(drive[:3])
+    node.node.deactivate()
+    again = room(camera.INFO, camera.DARKNET, camera.DEPTH, **asked, onto=str(output))
+    again.show_camera_info(drive[0])
+    for number, frame in enumerate(drive[:3], start=1):
+        again.camera.show(frame)
+        again.wait_for(REPEATED=number)
+    again.node.deactivate()
+    (said,) = again.logged("nothing was mapped, so nothing is saved")
+    assert said.endswith("the map that is continued has 3 frames already")
+
+
 def test_a_bag_that_waits_for_listeners_does_not_tell_its_map_too_early(port: Any) -> None:
     given = Given(port, {**RAW, "map_topic": "/map"})
     heard: list[str] = []

@@ -232,6 +232,11 @@ class LiveMap:
         """How many frames were mapped, without those of earlier runs."""
         return self._mapper.counts.used
 
+    @property
+    def repeated(self) -> int:
+        """How many frames were not mapped, as the map that is continued has them already."""
+        return self._mapper.counts.repeated
+
     def __len__(self) -> int:
         """Return how many objects there are."""
         with self._lock:

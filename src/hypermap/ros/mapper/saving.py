@@ -14,6 +14,7 @@ from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.port import Level, Port
 from hypermap.ros.server.map_directory import archive_within
 from hypermap.ros.throttle import Throttle
+from hypermap.text import counted
 
 
 class Saving:
@@ -80,7 +81,9 @@ class Saving:
         if self._path is None:
             return
         if not self._map.is_new:
-            self._port.log("warning", "nothing was mapped, so nothing is saved")
+            known = counted(self._map.repeated, "frame")
+            why = f": the map that is continued has {known} already" if self._map.repeated else ""
+            self._port.log("warning", f"nothing was mapped, so nothing is saved{why}")
         elif self._map.state != self._saved_state:
             with or_elsewhere(self._path.name, self._map.hypermap):
                 self._save(self._path)
