@@ -354,8 +354,8 @@ SENSORS = (
     BadSensor(
         "of images of 640 x 480",
         _nothing,
-        "the world of the recording is not level",
-        0,
+        "for another image size",
+        None,
         {"intrinsics": (525.0, 525.0, 319.5, 239.5)},
     ),
     # Detections.
