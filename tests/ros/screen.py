@@ -21,6 +21,7 @@ from hypermap.ros.rviz.config import RvizView
 
 BACKGROUND = (226, 229, 233)
 BLACK, WHITE = (0, 0, 0), (255, 255, 255)
+_NO_COLOR = 999
 _LIKE = 6  # of 255, how far a color may be off
 
 Pixels = np.ndarray
@@ -85,11 +86,17 @@ class Seen:
         self._pixels, self._view = pixels, view
 
     def colors(self, points_xy: np.ndarray) -> np.ndarray:
-        """Return the colors at points [m], shape (N, 3)."""
+        """Return the colors at points [m], shape (N, 3); none that exists beside the screen.
+
+        A window that is half drawn has its middle elsewhere.
+        """
         x, y = np.asarray(points_xy, dtype=float).reshape(-1, 2).T
         col = self._middle[0] + (x - self._view.x) * self._view.scale
         row = self._middle[1] - (y - self._view.y) * self._view.scale
-        colors: np.ndarray = self._pixels[row.astype(int), col.astype(int)].astype(int)
+        height, width = self._pixels.shape[:2]
+        is_on = (row >= 0) & (row < height) & (col >= 0) & (col < width)
+        colors = np.full((len(x), 3), _NO_COLOR)
+        colors[is_on] = self._pixels[row[is_on].astype(int), col[is_on].astype(int)]
         return colors
 
     def share(self, points_xy: np.ndarray, expected: np.ndarray) -> float:

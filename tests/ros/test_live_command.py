@@ -156,7 +156,7 @@ def test_a_killed_mapper_goes_on_with_what_it_has_saved(
     first.expect("starts empty")
     first.expect("waiting for")
     player = Player(rospy, "killed")
-    player.show(frames[:6])
+    player.show(frames[:8])  # on a busy machine, the first come before the camera info
     player.close()
     wait_for(lambda: used() > 4, "a map of some frames")
     os.killpg(first.popen.pid, signal.SIGKILL)
