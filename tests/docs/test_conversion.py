@@ -26,7 +26,8 @@ def convert() -> Callable[[Path, Path], None]:
     blocks = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     namespace: dict[str, Any] = {}
     exec(next(block for block in blocks if "def convert(" in block), namespace)
-    return namespace["convert"]  # type: ignore[no-any-return]
+    found: Callable[[Path, Path], None] = namespace["convert"]
+    return found
 
 
 @pytest.mark.parametrize("per_frame", [False, True])

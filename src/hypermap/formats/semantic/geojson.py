@@ -166,9 +166,8 @@ def feature_of(item: SemanticObject) -> dict[str, Any]:
 def _object(raw: Any, path: str | None, position: int, with_heights: list[str]) -> SemanticObject:
     place = f"features[{position}]"
     feature = check(_Feature, raw, path, place)
-    footprint = _footprint(feature.geometry, path, f"{place}.geometry")
-    if footprint.has_z:
-        footprint = shapely.force_2d(footprint)
+    footprint, has_heights = _footprint(feature.geometry, path, f"{place}.geometry")
+    if has_heights:
         with_heights.append(place)
     properties = dict(feature.properties or {})
     if "id" not in properties and type(feature.id) is int and 0 <= feature.id <= MAX_ID:
@@ -179,15 +178,17 @@ def _object(raw: Any, path: str | None, position: int, with_heights: list[str]) 
         raise FormatError(str(error), path=path, key=f"{place}.properties") from None
 
 
-def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> BaseGeometry:
+def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> tuple[BaseGeometry, bool]:
+    """Return a footprint, and whether its coordinates had heights, which are left out."""
     geometry = check(_Geometry, raw, path, place)
     try:
         with np.errstate(invalid="ignore"):  # of infinite coordinates, which are refused below
-            footprint: BaseGeometry = shapely.geometry.shape(geometry.model_dump())
-        check_footprint(shapely.force_2d(footprint))
+            shape: BaseGeometry = shapely.geometry.shape(geometry.model_dump())
+        footprint = shapely.force_2d(shape)
+        check_footprint(footprint)
     except _WRONG as e:
         raise FormatError(f"is not a valid {geometry.type}: {e}", path=path, key=place) from None
-    return footprint
+    return footprint, bool(shape.has_z)
 
 
 def _refuse(constant: str) -> None:
