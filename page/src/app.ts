@@ -13,6 +13,7 @@ import { ROOMS } from "./looks";
 import { drawnLayer, isVisible, MapView } from "./mapview";
 import { Notes } from "./notes";
 import { Panel } from "./panel";
+import { watchPrinting } from "./paper";
 import { PathTool } from "./pathtool";
 import { placeFromHash, placeToHash } from "./place";
 import { Search } from "./search";
@@ -117,6 +118,7 @@ export class App {
     settingsPanel(this.settings, () => this.theme.apply());
     this.restorePlace();
     this.listen();
+    watchPrinting(this.view, insets, (draw) => this.theme.inLight(draw));
     void this.loadTimeline().catch(complain);
     this.source.editing?.watch((change) => this.onEvent(change));
     for (const note of info.notes ?? []) notify(note);

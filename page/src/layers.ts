@@ -189,7 +189,8 @@ export function swatch(color: string, kind: "shapes" | "raster" = "shapes"): HTM
   return element;
 }
 
-function legend(entries: { label: string; color: string }[]): HTMLElement {
+/** What the colors of a grid mean. */
+export function legend(entries: { label: string; color: string }[]): HTMLElement {
   return el(
     "ul",
     { class: "legend" },

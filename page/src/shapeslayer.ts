@@ -10,7 +10,16 @@ import type Style from "ol/style/Style.js";
 import { complain } from "./dom";
 import { classLook, ROOMS, type ClassLook } from "./looks";
 import { NameSides } from "./namesides";
-import type { DataSource, Extent, LayerInfo, Point, Ring, Shape, Shapes } from "./source";
+import type {
+  ClassInfo,
+  DataSource,
+  Extent,
+  LayerInfo,
+  Point,
+  Ring,
+  Shape,
+  Shapes,
+} from "./source";
 
 /** The request that the drawn shapes answer. */
 interface Loaded {
@@ -112,6 +121,13 @@ export class ShapesLayer {
     } catch (error) {
       if (!asking.signal.aborted) complain(error);
     }
+  }
+
+  /** The visible classes of the objects in an extent. */
+  classesIn(extent: Extent): ClassInfo[] {
+    const features = this.layer.getSource()?.getFeaturesInExtent(extent) ?? [];
+    const names = new Set(features.map((feature) => feature.get("name") as string));
+    return this.info.classes.filter(({ name }) => names.has(name) && !this.hidden.has(name));
   }
 
   private isLoaded(view: Extent, resolution: number, key: string): boolean {

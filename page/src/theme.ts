@@ -26,6 +26,17 @@ export class ThemeSwitch {
     keepSettings(this.settings);
   }
 
+  /** Calls a function while the page has its light theme. */
+  inLight(draw: () => void): void {
+    const { dataset } = document.documentElement;
+    const theme = dataset["theme"];
+    dataset["theme"] = "light";
+    this.changed();
+    draw();
+    dataset["theme"] = theme ?? "light";
+    this.changed();
+  }
+
   private toggle(): void {
     this.settings.theme = themeOf(this.settings) === "dark" ? "light" : "dark";
     this.apply();

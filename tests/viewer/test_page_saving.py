@@ -69,6 +69,24 @@ def test_a_restarted_server_that_refuses_the_page_is_said_to_be_one(edited: Edit
     )
 
 
+@pytest.mark.parametrize("width", [1200, 800])
+def test_what_is_said_of_the_file_covers_no_answer(edited: Edited, width: int) -> None:
+    page = edited.window.page
+    page.set_viewport_size({"width": width, "height": 800})
+    edited.window.find("chair")
+    edited.path.unlink()
+    expect(page.locator("#banner")).to_be_visible()
+    said, *others = [
+        shapely.box(box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"])
+        for panel in ("#banner", "#panel", "#sidebar", "#toolbar", "#status .place")
+        if (box := page.locator(panel).bounding_box()) is not None
+    ]
+    assert len(others) == 4
+    for panel in others:
+        assert not said.intersects(panel)
+    assert not others[0].intersects(others[3])
+
+
 def test_a_file_that_changed_on_disk_is_overwritten_if_asked(edited: Edited) -> None:
     window = edited.window
     start_editing(window)
