@@ -248,6 +248,26 @@ def test_tf_is_that_of_the_robot_with_the_camera(
     assert chosen.occupancy.name == own
 
 
+@pytest.mark.parametrize(
+    ("name", "kind", "use"),
+    [
+        ("map", OCCUPANCY, "occupancy"),
+        ("camera/color/image_raw", IMAGE, "color"),
+        ("camera/camera_info", CAMERA_INFO, "camera_info"),
+        ("darknet_ros/bounding_boxes", DETECTIONS[0], "detections"),
+    ],
+)
+def test_what_another_robot_alone_has_is_not_used(name: str, kind: str, use: str) -> None:
+    without_map = {name: kind for name, kind in TWO_ROBOTS.items() if kind != OCCUPANCY}
+    names = {**without_map, f"/robot1/{name}": kind}
+    topics = [Topic(name, kind, 1) for name, kind in names.items()]
+    other = choose_topics(topics, RecordingOptions(depth_topic="/robot2/camera/depth"))
+    assert getattr(other, use) is None
+    assert f"/robot1/{name} is not used, as of another robot" in "; ".join(other.notes)
+    own = choose_topics(topics, RecordingOptions(depth_topic="/robot1/camera/depth"))
+    assert getattr(own, use) is not None
+
+
 def test_all_topics_of_tf_are_read() -> None:
     topics = [Topic(name, kind, 1) for name, kind in REALSENSE.items()]
     chosen = choose_topics(topics, RecordingOptions())

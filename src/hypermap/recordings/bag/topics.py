@@ -82,6 +82,7 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
     depth = choice.pick("depth", options.depth_topic, _is_depth_type, _is_depth, _depth_rank)
     cloud = choice.pick("cloud", options.cloud_topic, _is(CLOUD), _is(CLOUD), _cloud_rank)
     near = depth.name if depth else cloud.name if cloud else ""
+    choice.leave_out_others(near)
     color = choice.pick(
         "color",
         options.color_topic,
@@ -132,15 +133,20 @@ def topics_of_tf(topics: Sequence[Topic], near: str) -> tuple[Topic, ...]:
         topics: of the bag.
         near: topic of the sensor.
     """
-    found = [topic for topic in topics if topic.type in TRANSFORMS]
-    own = [topic for topic in found if near.startswith(f"{_robot_of(topic)}/")]
-    is_named = any(map(_robot_of, own))
-    return tuple(own if is_named else found)
+    others = _other_robots(topics, near)
+    found = (topic for topic in topics if topic.type in TRANSFORMS)
+    return tuple(topic for topic in found if not _is_in(others, topic.name))
 
 
-def _robot_of(tf: Topic) -> str:
-    """Return the namespace of a topic of tf; empty for /tf and /tf_static."""
-    return tf.name.rpartition("/")[0]
+def _other_robots(topics: Sequence[Topic], near: str) -> set[str]:
+    """Return the namespaces of robots with a tf of their own; none if the sensor's has none."""
+    robots = {t.name.rpartition("/")[0] for t in topics if t.type in TRANSFORMS} - {""}
+    others = {robot for robot in robots if not _is_in({robot}, near)}
+    return others if others < robots else set()
+
+
+def _is_in(namespaces: set[str], name: str) -> bool:
+    return any(name.startswith(f"{namespace}/") for namespace in namespaces)
 
 
 def may_hold_depth(topic: Topic) -> bool:
@@ -167,6 +173,11 @@ class _Choice:
     def __init__(self, topics: list[Topic]) -> None:
         self.topics = topics
         self.notes: list[str] = []
+        self._others: set[str] = set()
+
+    def leave_out_others(self, near: str) -> None:
+        """From now on pick no topic of another robot than that of the sensor with this topic."""
+        self._others = _other_robots(self.topics, near)
 
     def pick(
         self,
@@ -179,9 +190,11 @@ class _Choice:
         """Return the user's topic, or the candidate of the lowest rank."""
         if named is not None:
             return self._named(what, named, is_possible)
-        likely = sorted(
-            (topic for topic in self.topics if is_likely(topic)), key=lambda t: (rank(t), t.name)
-        )
+        found = [topic for topic in self.topics if is_likely(topic)]
+        own = [topic for topic in found if not _is_in(self._others, topic.name)]
+        likely = sorted(own, key=lambda t: (rank(t), t.name))
+        if found and not own:
+            self.notes.append(f"{found[0].name} is not used, as of another robot (--{what}-topic)")
         if len(likely) > 1:
             others = ", ".join(topic.name for topic in likely[1:4])
             more = f" and {len(likely) - 4} more" if len(likely) > 4 else ""
