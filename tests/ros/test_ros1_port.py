@@ -282,6 +282,37 @@ def test_lookup_finds_what_others_publish(
         port.lookup("map", "no\0where")
 
 
+def test_a_transform_from_ahead_does_not_keep_out_those_of_now(rospy: Any, port: Any) -> None:
+    kind = port.message("geometry_msgs/TransformStamped")
+    publisher = port.publisher("/tf", "tf2_msgs/TFMessage")
+
+    def publish(stamp: int, x: float) -> None:
+        one = kind(child_frame_id="wheel")
+        one.header.frame_id, one.header.stamp = "chassis", port.stamp(stamp)
+        one.transform.translation.x, one.transform.rotation.w = x, 1.0
+        publisher.publish(port.message("tf2_msgs/TFMessage")(transforms=[one]))
+
+    def found(stamp: int) -> float | None:
+        try:
+            return float(port.lookup("chassis", "wheel", stamp)[0, 3])
+        except FrameError:
+            return None
+
+    found(0)  # it listens
+    wait_for(lambda: publisher.listeners, "the listener")
+    now = port.now()
+    hour = 3600 * 10**9
+    publish(now + hour, 1.0)
+    wait_for(lambda: found(now + hour) == 1.0, "a transform of the next hour")
+    publish(now, 2.0)
+    wait_for(lambda: found(now) == 2.0, "that of now")
+    publish(now - hour, 3.0)  # of a machine whose clock is late
+    publish(now + 10**7, 4.0)
+    wait_for(lambda: found(now + 10**7) == 4.0, "the next one")
+    assert found(now) == 2.0
+    publisher.close()
+
+
 def test_parameters_are_read_and_change_while_the_node_runs(
     rospy: Any, port: Any, log: list[Any]
 ) -> None:

@@ -37,6 +37,7 @@ from hypermap.ros.ros1.logs import (
 from hypermap.ros.ros1.master import MasterWatch, owns_its_name, require_master
 from hypermap.ros.ros1.messages import message_class, service_class
 from hypermap.ros.ros1.respawn import RESPAWN, Respawn
+from hypermap.ros.ros1.tf import TransformListener
 from hypermap.ros.signals import end_signals
 
 _TF_START = 1.0  # s until a new listener has heard what is known
@@ -204,8 +205,9 @@ class Ros1Port:
                 if may_come and time.monotonic() < end and not self.is_shut_down:
                     time.sleep(0.01)
                     continue
+                reason = str(error).lstrip(", ")  # tf2's may begin with nothing
                 raise FrameError(
-                    f"tf has no transform from {source!r} to {target!r}: {error}"
+                    f"tf has no transform from {source!r} to {target!r}: {reason}"
                 ) from None
             p, q = found.transform.translation, found.transform.rotation
             return pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
@@ -332,7 +334,7 @@ class Ros1Port:
         with self._lock:
             if self._buffer is None:
                 self._buffer = tf2_ros.Buffer(debug=False)
-                self._listener = tf2_ros.TransformListener(self._buffer)
+                self._listener = TransformListener(self._buffer)
                 self._tf_began = time.monotonic()
             return self._buffer, self._tf_began
 
