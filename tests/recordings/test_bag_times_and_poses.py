@@ -107,6 +107,25 @@ def test_a_transform_that_is_recorded_too_seldom_is_named(
     assert bool(info.missing) == (not known)
 
 
+def test_a_ros_1_bag_in_which_time_began_again_is_read_in_the_order_of_the_file(
+    tmp_path: Path,
+) -> None:
+    """By its times of recording, the two runs would alternate, and so would their poses."""
+    with BagBuilder(tmp_path, "ros1") as bag:
+        for x in (0, 5):
+            for tenth in range(40):
+                stamp = START + tenth * 10**8 + x  # no stamp is there twice
+                bag.add_tf("/tf", stamp, "map", "camera", (x, 0, 1))
+        for tenth in range(40, 100):  # the second run lasts longer
+            bag.add_tf("/tf", START + tenth * 10**8, "map", "camera", (5, 0, 1))
+        for second in (1, 2, 6, 8):
+            stamp = START + second * 10**9
+            bag.add(DEPTH, IMAGE, stamp, image(SHOTS[0].depth_mm, "16UC1", stamp))
+    recording = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS))
+    assert [frame.map_T_camera[0, 3] for frame in recording.frames()] == [5, 5]
+    assert "the stamps of tf go back" in " ".join(recording.info().notes)
+
+
 def test_a_frame_that_jumps_to_and_fro_is_named(tmp_path: Path) -> None:
     with BagBuilder(tmp_path, "mcap") as bag:
         for number in range(20):

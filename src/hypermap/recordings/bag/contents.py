@@ -91,7 +91,7 @@ def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
         damaged.key = error.key  # its text already names the old one
         contents.damaged.append((log_time, damaged))
 
-    for name, log_time, message in bag.messages(names, on_damaged):
+    for name, log_time, message in bag.messages(names, on_damaged, as_written=True):
         if name in transforms:
             contents.transforms.add(message, is_static=name.endswith("tf_static"))
         elif name == geometry:

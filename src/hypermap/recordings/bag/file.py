@@ -23,6 +23,7 @@ from hypermap.recordings.bag.bombs import (
     check_files,
 )
 from hypermap.recordings.bag.definitions import DETECTION_TYPES, known_types
+from hypermap.recordings.bag.order import read_as_written
 from hypermap.recordings.bag.parts import is_ros1_bag, parts_of
 
 _MOST_METADATA = 1_000_000  # bytes, which take half a second
@@ -93,13 +94,17 @@ class BagFile:
         self,
         names: Collection[str],
         on_damaged: Callable[[int, DamagedMessage], None] | None = None,
+        *,
+        as_written: bool = False,
     ) -> Iterator[tuple[str, int, Any]]:
-        """Yield topic, time of recording [ns] and message, in the order of recording.
+        """Yield topic, time of recording [ns] and message, in the order of these times.
 
         Args:
             names: of the topics.
             on_damaged: called for each damaged message, with its time of recording [ns]; then the
                 message is skipped.
+            as_written: whether a ROS 1 bag whose times of recording go back, as of a simulation
+                that began again, is read in the order in which it was written.
 
         Raises:
             FormatError: If the bag cannot be read, or, without `on_damaged`, a message.
@@ -109,6 +114,8 @@ class BagFile:
                 wanted = [c for c in reader.connections if c.topic in names]
                 if not wanted:
                     continue
+                if as_written and isinstance(reader, rosbag1.Reader):
+                    read_as_written(reader)
                 for connection, log_time, data in reader.messages(wanted):
                     try:
                         message = self._decode(part, connection, data)

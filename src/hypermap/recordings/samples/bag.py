@@ -61,7 +61,7 @@ def read_bag(
         reading = reading_of(kind, field)
         log = _Log()
         tf = {one.name for one in topics_of_tf(bag.topics, topic)}
-        for name, log_time, message in bag.messages({topic, *tf}, log.on_damaged):
+        for name, log_time, message in bag.messages({topic, *tf}, log.on_damaged, as_written=True):
             if name in tf:
                 log.transforms.add(message, is_static=name.endswith("tf_static"))
                 continue
@@ -96,7 +96,7 @@ def motion_in_bag(
     """
     bag = BagFile(path)
     log = TransformLog()
-    for name, _, message in bag.messages(_transform_topics(bag), lambda *_: None):
+    for name, _, message in bag.messages(_transform_topics(bag), lambda *_: None, as_written=True):
         log.add(message, is_static=name.endswith("tf_static"))
     try:
         return _motion(_tree(log, max_gap), map_frame, clean_frame(sensor_frame or "base_link"))
