@@ -40,6 +40,20 @@ def test_times_of_a_table_may_be_nanoseconds(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "timestamp,x,y,value\n2023-11-14T22:13:20.250Z,1.5,2,20.5\n2023-11-15T00:13:21+02:00,1,2,3\n",
+        "Time;x;y;value\n1700000000,25;1,5;2;20,5\n1700000001;1;2;3\n",
+        "%time,field.header.stamp,x,y,value\n1,1700000000250000000,1.5,2,20.5\n"
+        "2,1700000001000000000,1,2,3\n",  # of `rostopic echo -p`
+    ],
+)
+def test_the_column_of_times_may_have_another_usual_name(tmp_path, text):
+    samples = read_table(write(tmp_path, text)).samples
+    assert samples.stamps.tolist() == pytest.approx([1_700_000_000.25, 1_700_000_001], abs=1e-5)
+
+
 def test_the_columns_may_stand_in_any_order_and_the_field_names_one(tmp_path):
     path = write(tmp_path, "\ufeffco2, y, x\n400,2,1\n")
     measured = read_table(path, "co2")
@@ -103,6 +117,7 @@ def test_a_trajectory_says_where_samples_with_stamps_were_taken(tmp_path):
         ("x,y,value\n", "there are no samples in it"),
         ("x,y,value\n1,2\n", "line 2: has 2 cells, the first line 3"),
         ("x,y,value\n1,2,3\n1,2,warm\n", "line 3: value: 'warm' is not a number"),
+        ("x,y,value,time\n1,2,3,noon\n", "line 2: time: 'noon' is no time, such as "),
         ('x,y,value\n1,2,"3\n', "is not a CSV file"),
     ],
 )

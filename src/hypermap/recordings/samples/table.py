@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from array import array
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,11 @@ from hypermap.core.moving_frames import Motion
 from hypermap.core.stamps import in_seconds
 from hypermap.recordings.samples.measured import Measured, checked, sensor_positions
 
+# Names of the column of times: ours, those of `rostopic echo -p` and PlotJuggler, and of loggers.
+_STAMPS = ("stamp", "field.header.stamp", "%time", "__time", "timestamp", "time")
 _NOTHING = {"", "nan", "null", "none", "na", "n/a", "-"}
 VALUE = "value"
+_XY = 2  # columns of a place
 _NO_PLACE = (
     "in meters; of samples with stamps, name the bag or trajectory of their poses, and give the "
     "table as --samples"
@@ -31,9 +35,10 @@ def read_table(
 ) -> Measured:
     """Return the samples of a CSV file whose first line names the columns.
 
-    The columns are `x` and `y` [m] and, if it is known, `stamp` [s]; without `x` and `y`, `stamp`
-    and a motion say where the sensor was. Empty cells and NaN are not values. Cells are separated
-    by commas or tabs, or by semicolons, as spreadsheets do where a comma is the decimal point.
+    The columns are `x` and `y` [m] and, if it is known, `stamp` ([s] or ISO 8601), which may have
+    another usual name; without `x` and `y`, `stamp` and a motion say where the sensor was. Empty
+    cells and NaN are not values. Cells are separated by commas or tabs, or by semicolons, as
+    spreadsheets do where a comma is the decimal point.
 
     Args:
         path: the file.
@@ -64,14 +69,13 @@ def read_table(
             raise FormatError(f"is not a CSV file: {error}", path=path) from None
     if not len(columns[0]):
         raise FormatError("there are no samples in it, only the names of columns", path=path)
-    by_name = dict(zip((VALUE, *map(str.lower, wanted[1:])), columns, strict=True))
-    values = np.frombuffer(by_name[VALUE])
-    stamps = np.frombuffer(by_name["stamp"]) if "stamp" in by_name else np.full(len(values), np.nan)
+    values, *others = map(np.frombuffer, columns)
+    stamps = np.full(len(values), np.nan) if len(others) == _XY else others[-1]
     stamps = in_seconds(np.where(np.isfinite(stamps), stamps, np.nan))
     if motion is not None:
         points = sensor_positions(motion, stamps)
     else:
-        points = np.column_stack([np.frombuffer(by_name[name]) for name in ("x", "y")])
+        points = np.column_stack(others[:_XY])
     return checked(points, values, stamps, censored_below=censored_below)
 
 
@@ -81,7 +85,7 @@ def _delimiter(first_line: str) -> str:
 
 
 def _columns(names: Sequence[str], value: str, path: Path, is_posed: bool) -> list[str]:
-    """Return the names of the columns to read, that of the values first."""
+    """Return the names of the columns to read: that of the values, `x` and `y`, that of stamps."""
     if names and all(map(_is_number, names)):
         raise FormatError(
             "the first line must name the columns, such as x,y,value; it has numbers", path=path
@@ -100,13 +104,17 @@ def _columns(names: Sequence[str], value: str, path: Path, is_posed: bool) -> li
             f"name that of the values with --field; {did_you_mean(value, names)}",
             path=path,
         )
-    needed = ["stamp"] if is_posed else ["x", "y"]
-    for name in needed:
+    stamps = [known[name] for name in _STAMPS if name in known][:1]
+    if is_posed and not stamps:
+        raise FormatError(
+            f"the first line names no column {_STAMPS[0]!r}, which tells the pose", path=path
+        )
+    places = [] if is_posed else ["x", "y"]
+    for name in places:
         if name not in known:
-            remedy = "which tells the pose" if is_posed else _NO_PLACE
-            raise FormatError(f"the first line names no column {name!r}, {remedy}", path=path)
-    also = ["stamp"] if "stamp" in known and not is_posed else []
-    return [known.get(value) or known[value.lower()], *(known[name] for name in (*needed, *also))]
+            raise FormatError(f"the first line names no column {name!r}, {_NO_PLACE}", path=path)
+    own = known.get(value) or known[value.lower()]
+    return [own, *(known[name] for name in places), *stamps]
 
 
 def _read(
@@ -119,6 +127,7 @@ def _read(
     """Return the columns; a table may have very many rows, so they are kept as arrays."""
     places = [names.index(name) for name in wanted]
     columns = [array("d") for _ in wanted]
+    readers = [_number, *(_stamp if name.lower() in _STAMPS else _number for name in wanted[1:])]
     for number, row in enumerate(rows, start=2):
         if not row:
             continue
@@ -128,9 +137,9 @@ def _read(
                 path=path,
                 key=f"line {number}",
             )
-        for column, place in zip(columns, places, strict=True):
+        for column, place, read in zip(columns, places, readers, strict=True):
             text = row[place].replace(",", ".") if has_commas else row[place]
-            column.append(_number(text, names[place], path, number))
+            column.append(read(text, names[place], path, number))
     return columns
 
 
@@ -140,6 +149,19 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _stamp(text: str, name: str, path: Path, line: int) -> float:
+    """Return a time as written: a number, or in ISO 8601, without a zone that of this computer."""
+    try:
+        return _number(text, name, path, line)
+    except FormatError:
+        pass
+    try:
+        return datetime.fromisoformat(text.strip().replace("Z", "+00:00")).timestamp()
+    except (ValueError, OverflowError, OSError):
+        message = f"{name}: {text!r} is no time, such as 1764237600.5 or 2025-11-27T10:00:00.5Z"
+        raise FormatError(message, path=path, key=f"line {line}") from None
 
 
 def _number(text: str, name: str, path: Path, line: int) -> float:
