@@ -115,6 +115,16 @@ DEPTH_WITHOUT_INFO = {"/camera/depth/image": IMAGE, "/camera/points": CLOUD}
             },
         ),
         (
+            {**TWO_CAMERAS, "/rear/points": CLOUD},
+            {"cloud_topic": "/rear/points"},
+            {
+                "depth": None,
+                "color": "/rear/rgb/image",
+                "camera_info": "/rear/depth/camera_info",
+                "detections": "/rear/detections",
+            },
+        ),
+        (
             AZURE_KINECT,
             {},
             {
@@ -263,9 +273,24 @@ def test_what_another_robot_alone_has_is_not_used(name: str, kind: str, use: str
     topics = [Topic(name, kind, 1) for name, kind in names.items()]
     other = choose_topics(topics, RecordingOptions(depth_topic="/robot2/camera/depth"))
     assert getattr(other, use) is None
-    assert f"/robot1/{name} is not used, as of another robot" in "; ".join(other.notes)
+    assert f"/robot1/{name} is not used, as of another robot or camera" in "; ".join(other.notes)
     own = choose_topics(topics, RecordingOptions(depth_topic="/robot1/camera/depth"))
     assert getattr(own, use) is not None
+
+
+@pytest.mark.parametrize("parent", ["", "/robot1"])
+def test_detections_of_another_camera_are_not_used(parent: str) -> None:
+    names = {f"{parent}{name}": kind for name, kind in TWO_CAMERAS.items()}
+    topics = [Topic(name, kind, 1) for name, kind in names.items() if "rear/detec" not in name]
+    rear = choose_topics(topics, RecordingOptions(depth_topic=f"{parent}/rear/depth/image"))
+    assert rear.detections is None
+    assert f"{parent}/front/detections is not used" in "; ".join(rear.notes)
+    front = choose_topics(topics, RecordingOptions(depth_topic=f"{parent}/front/depth/image"))
+    assert front.detections is not None
+    named = RecordingOptions(
+        depth_topic=f"{parent}/rear/depth/image", detections_topic=f"{parent}/front/detections"
+    )
+    assert choose_topics(topics, named).detections is not None
 
 
 def test_all_topics_of_tf_are_read() -> None:

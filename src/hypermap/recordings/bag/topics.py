@@ -79,10 +79,12 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
         FormatError: If a topic in the options is missing or of the wrong type.
     """
     choice = _Choice([topic for topic in topics if topic.count])
-    depth = choice.pick("depth", options.depth_topic, _is_depth_type, _is_depth, _depth_rank)
+    depth = None
+    if not options.cloud_topic:
+        depth = choice.pick("depth", options.depth_topic, _is_depth_type, _is_depth, _depth_rank)
     cloud = choice.pick("cloud", options.cloud_topic, _is(CLOUD), _is(CLOUD), _cloud_rank)
     near = depth.name if depth else cloud.name if cloud else ""
-    choice.leave_out_others(near)
+    choice.others = _other_robots(choice.topics, near)
     color = choice.pick(
         "color",
         options.color_topic,
@@ -98,12 +100,12 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
         _info_rank(near, color.name if color else ""),
     )
     has_intrinsics = info is not None or options.intrinsics is not None
-    if options.cloud_topic or (
-        cloud and not options.depth_topic and not (depth and has_intrinsics)
-    ):
-        depth = None
-    else:
+    if depth and (options.depth_topic or has_intrinsics or not cloud):
         cloud = None
+    else:
+        depth = None
+    occupancy = choice.pick("map", options.map_topic, _is(OCCUPANCY), _is_map, _map_rank(near))
+    choice.others |= _other_cameras(choice.topics, near)
     return ChosenTopics(
         depth,
         cloud,
@@ -116,7 +118,7 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
             _is(*DETECTIONS),
             _detections_rank(color.name if color else near),
         ),
-        choice.pick("map", options.map_topic, _is(OCCUPANCY), _is_map, _map_rank(near)),
+        occupancy,
         choice.transforms(near),
         _color_info(choice.topics, color) if options.register else None,
         tuple(choice.notes),
@@ -143,6 +145,14 @@ def _other_robots(topics: Sequence[Topic], near: str) -> set[str]:
     robots = {t.name.rpartition("/")[0] for t in topics if t.type in TRANSFORMS} - {""}
     others = {robot for robot in robots if not _is_in({robot}, near)}
     return others if others < robots else set()
+
+
+def _other_cameras(topics: Sequence[Topic], near: str) -> set[str]:
+    """Return the namespaces of other depth cameras, down to where that of the sensor differs."""
+    infos = [topic.name for topic in topics if topic.type == CAMERA_INFO]
+    depths = [t.name for t in topics if (_is_depth(t) or t.type == CLOUD) and t.name != near]
+    spaces = {"/".join(name.split("/")[: _shared_folders(name, near) + 1]) for name in depths}
+    return {space for space in spaces if any(_is_in({space}, info) for info in infos)}
 
 
 def _is_in(namespaces: set[str], name: str) -> bool:
@@ -173,11 +183,7 @@ class _Choice:
     def __init__(self, topics: list[Topic]) -> None:
         self.topics = topics
         self.notes: list[str] = []
-        self._others: set[str] = set()
-
-    def leave_out_others(self, near: str) -> None:
-        """From now on pick no topic of another robot than that of the sensor with this topic."""
-        self._others = _other_robots(self.topics, near)
+        self.others: set[str] = set()  # namespaces of which nothing is picked unless it is named
 
     def pick(
         self,
@@ -191,10 +197,12 @@ class _Choice:
         if named is not None:
             return self._named(what, named, is_possible)
         found = [topic for topic in self.topics if is_likely(topic)]
-        own = [topic for topic in found if not _is_in(self._others, topic.name)]
+        own = [topic for topic in found if not _is_in(self.others, topic.name)]
         likely = sorted(own, key=lambda t: (rank(t), t.name))
         if found and not own:
-            self.notes.append(f"{found[0].name} is not used, as of another robot (--{what}-topic)")
+            self.notes.append(
+                f"{found[0].name} is not used, as of another robot or camera (--{what}-topic)"
+            )
         if len(likely) > 1:
             others = ", ".join(topic.name for topic in likely[1:4])
             more = f" and {len(likely) - 4} more" if len(likely) > 4 else ""
