@@ -161,7 +161,7 @@ class Mapper:
                 f"the poses are in the frame {frame_id!r}, and the map in {hypermap.base_frame!r}; "
                 "mapping can only continue a map in its own frame; if the poses are in that one, "
                 f"too, give --map-frame {hypermap.base_frame}, or, where tf has another name for "
-                "it, --same-place to `hypermap map`"
+                "it, --same-place to `hypermap map`; `live` needs a static transform between both"
             )
         state = state_of(hypermap, own_config)
         occupancy = None
