@@ -48,8 +48,8 @@ def a_map() -> Hypermap:
     return Hypermap([SemanticLayer("semantic", "map", [*chairs, table])])
 
 
-def client_of(store: str, *, allows_edits: bool) -> Iterator[Any]:
-    service = StoreService(parse_address(store), TOKEN, allows_edits=allows_edits)
+def client_of(store: str, *, allows_edits: bool, url: str | None = None) -> Iterator[Any]:
+    service = StoreService(parse_address(store), TOKEN, allows_edits=allows_edits, url=url)
     headers = {"Authorization": f"Bearer {TOKEN}"}
     with TestClient(service.app, headers=headers) as client:
         yield client
@@ -77,6 +77,26 @@ def follow(reader: Any, page: dict[str, Any], rel: str) -> Any:
     answer = reader.get(href)
     assert answer.status_code == 200, answer.text
     return answer
+
+
+def links_in(found: Any) -> list[str]:
+    """Return all addresses in an answer."""
+    if isinstance(found, dict):
+        own = [found[key] for key in ("href", "url") if key in found]
+        return own + [link for value in found.values() for link in links_in(value)]
+    return [link for value in found for link in links_in(value)] if isinstance(found, list) else []
+
+
+@pytest.mark.parametrize("url", ["https://maps.example/objects", "https://maps.example/objects/"])
+def test_behind_a_web_server_all_links_begin_with_its_address(
+    reader: Any, store: str, url: str
+) -> None:
+    for client in client_of(store, allows_edits=False, url=url):
+        for path in ("/", "/api", "/collections", ITEMS.removesuffix("/items"), ITEMS):
+            links = links_in(client.get(path, params={"limit": 1} if path == ITEMS else {}).json())
+            assert links
+            assert [link for link in links if not link.startswith("https://maps.example/o")] == []
+            assert not any("//" in link.removeprefix("https://") for link in links)
 
 
 def test_links_lead_from_the_landing_page_to_an_object(reader: Any) -> None:
@@ -219,6 +239,16 @@ def test_an_editor_adds_replaces_and_removes(editor: Any, database: Database, si
     )
     for body in (b"", b"{}", b"[" * 100_000, nan, b'{"x": "' + b"x" * 1_000_001):
         assert editor.post(items, content=body).status_code == 400
+
+
+@pytest.mark.parametrize("url", ["maps.example", "https://", "https://me:word@maps.example"])
+def test_links_begin_with_the_address_of_a_web_server_alone(store: str, url: str) -> None:
+    with Command("api", store, "--port", 0, "--public-url", url, stderr=subprocess.PIPE) as process:
+        said = process.communicate(timeout=240)[1]
+        assert process.wait() == 2
+    assert said.count("\n") == 1
+    assert "--public-url must be the address of a web server" in said
+    assert "word" not in said
 
 
 @pytest.mark.parametrize(

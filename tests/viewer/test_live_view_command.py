@@ -86,6 +86,7 @@ def events(server: Server, version: int | None = None) -> Iterator[Callable[[], 
     headers = {} if version is None else {"Last-Event-ID": str(version)}
     answer = urlopen(Request(at(server.url, "api/events"), headers=headers), timeout=PATIENCE)
     assert answer.headers["Content-Type"].startswith("text/event-stream")
+    assert answer.headers["X-Accel-Buffering"] == "no"  # of nginx
     heard: queue.Queue[dict[str, Any]] = queue.Queue()
 
     def listen() -> None:

@@ -365,6 +365,7 @@ def test_the_server_answers_what_the_page_asks(
     assert grid.headers["Cache-Control"] == "no-store"  # it may be another run's later
     news = client.get("/api/events")
     assert news.headers["Content-Type"].startswith("text/event-stream")
+    assert news.headers["X-Accel-Buffering"] == "no"  # of nginx
     reply = json.loads(news.text.removeprefix("data: "))
     assert reply["run"] == info["id"]
     assert reply["steps"]["numbers"] == list(range(1, FRAMES + 1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import secrets
 from typing import Annotated
+from urllib.parse import urlsplit
 
 import typer
 
@@ -43,6 +44,15 @@ def command(
             help="Secret that clients must know.",
         ),
     ] = None,
+    url: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            show_default="the address of each request",
+            help="Where clients reach the service, if it is behind a web server; its links begin "
+            "with it.",
+        ),
+    ] = None,
     allow_edits: Annotated[
         bool,
         typer.Option(
@@ -58,6 +68,7 @@ def command(
     Examples:
         hypermap api postgresql://reader@db.example/maps
         hypermap api postgresql://editor@db.example/maps --allow-edits --port 8100
+        hypermap api postgresql://reader@db.example/maps --public-url https://maps.example/objects
     """
     from hypermap.fleet.store.address import parse_address
     from hypermap.fleet.store.service.app import StoreService
@@ -66,8 +77,13 @@ def command(
     secret = secrets.token_urlsafe(24) if token is None else token
     if len(secret) < _SHORTEST_TOKEN or not secret.isascii() or not secret.isprintable():
         raise HypermapError(f"a token has at least {_SHORTEST_TOKEN} ASCII characters, no blanks")
+    if url is not None and not _is_root(url):
+        raise HypermapError(
+            "--public-url must be the address of a web server, as https://maps.example or "
+            "https://maps.example/objects"
+        )
     address = parse_address(store)
-    service = StoreService(address, secret, allows_edits=allow_edits)
+    service = StoreService(address, secret, allows_edits=allow_edits, url=url)
     with service.connections.one() as database:
         database.connected()  # or it is an error before anyone asks
     listening = listen(host, port)
@@ -81,3 +97,13 @@ def command(
     with contextlib.closing(listening), until_signal():
         serve(service, listening, started)
     service.connections.close()
+
+
+def _is_root(url: str) -> bool:
+    """Return whether links can begin with a text."""
+    try:
+        parts = urlsplit(url)
+    except ValueError:
+        return False
+    has_more = parts.query or parts.fragment or "@" in parts.netloc
+    return parts.scheme in ("http", "https") and bool(parts.hostname) and not has_more

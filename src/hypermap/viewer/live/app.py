@@ -15,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import Response, StreamingResponse
+from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
 from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
@@ -45,6 +45,7 @@ from hypermap.viewer.live.page import page_file
 from hypermap.viewer.live.past import Past, changes_of, has_past, timeline
 from hypermap.viewer.live.questions import Questions
 from hypermap.viewer.live.replies import (
+    event_reply,
     fail,
     json_reply,
     json_reply_of,
@@ -374,9 +375,7 @@ class MapApp:
         seen = request.headers.get("last-event-id") or request.query_params.get("v") or ""
         is_version = seen.isdecimal() and len(seen) <= _MOST_DIGITS
         version = int(seen) if is_version else self.document.current.version
-        news = event_stream(self.document, version, lambda: self.is_closing)
-        headers = {"Cache-Control": "no-store"}
-        return StreamingResponse(news, media_type="text/event-stream", headers=headers)
+        return event_reply(event_stream(self.document, version, lambda: self.is_closing))
 
     # Parts of the above
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
 from typing import Any
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from hypermap.core.errors import LayerNotFound, ObjectNotFound
 from hypermap.viewer.live.json_text import json_bytes
@@ -22,6 +23,12 @@ def json_reply_of(content: bytes) -> Response:
     """Return encoded JSON."""
     headers = {"Cache-Control": "no-store"}
     return Response(content, media_type="application/json", headers=headers)
+
+
+def event_reply(events: AsyncIterator[str] | AsyncIterator[bytes]) -> Response:
+    """Return server-sent events; a web server in between hands on each one at once, as nginx."""
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(events, media_type="text/event-stream", headers=headers)
 
 
 def refuse(_: Request, error: Exception) -> Response:

@@ -10,14 +10,21 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import Response, StreamingResponse
+from starlette.responses import Response
 from starlette.routing import Route
 
 from hypermap.core.errors import HypermapError
 from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.live.page import page_file
-from hypermap.viewer.live.replies import fail, json_reply, json_reply_of, refuse, refuse_http
+from hypermap.viewer.live.replies import (
+    event_reply,
+    fail,
+    json_reply,
+    json_reply_of,
+    refuse,
+    refuse_http,
+)
 from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import whole_number_in
 from hypermap.viewer.watch.history import NoSuchStep
@@ -101,10 +108,7 @@ class RunApp:
         return Response(content, media_type=media_type, headers=headers)
 
     async def _events(self, _: Request) -> Response:
-        headers = {"Cache-Control": "no-store"}
-        return StreamingResponse(
-            self._event_stream(), media_type="text/event-stream", headers=headers
-        )
+        return event_reply(self._event_stream())
 
     async def _event_stream(self) -> AsyncIterator[bytes]:
         """Yield the state of the run, now and after every event."""

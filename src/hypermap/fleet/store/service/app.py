@@ -47,6 +47,13 @@ _NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")  # after whole pairs of backslash
 class StoreService:
     """Serves a store; clients read, and change objects if that is allowed.
 
+    Args:
+        address: of the store.
+        token: what requests must bring.
+        allows_edits: whether clients may change objects.
+        url: where clients reach the service, with which all links begin; None for the address that
+            a request names, which is wrong behind a web server with TLS or under a path.
+
     Attributes:
         app: what answers.
         token: what requests must bring.
@@ -55,7 +62,9 @@ class StoreService:
         is_closing: set when the server ends.
     """
 
-    def __init__(self, address: Address, token: str, *, allows_edits: bool = False) -> None:
+    def __init__(
+        self, address: Address, token: str, *, allows_edits: bool = False, url: str | None = None
+    ) -> None:
         self.token = token
         self.is_private = True
         self.once: set[str] = set()
@@ -88,6 +97,7 @@ class StoreService:
                 ClientDisconnect: _let_go,
             },
         )
+        self.app.state.url = None if url is None else url.rstrip("/") + "/"
 
     def _route(self, path: str, answer: Callable[[Request, Database], tuple[Any, str]]) -> Route:
         """Return a route that answers in a thread, by one connection."""
@@ -278,7 +288,7 @@ def _items_url(request: Request, collection: Collection) -> str:
 
 
 def _root(request: Request) -> str:
-    return str(request.base_url)
+    return request.app.state.url or str(request.base_url)
 
 
 def _link(href: str, rel: str, media: str, title: str) -> dict[str, str]:
