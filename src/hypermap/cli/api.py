@@ -44,7 +44,7 @@ def command(
             help="Secret that clients must know.",
         ),
     ] = None,
-    url: Annotated[
+    public_url: Annotated[
         str | None,
         typer.Option(
             metavar="URL",
@@ -77,13 +77,13 @@ def command(
     secret = secrets.token_urlsafe(24) if token is None else token
     if len(secret) < _SHORTEST_TOKEN or not secret.isascii() or not secret.isprintable():
         raise HypermapError(f"a token has at least {_SHORTEST_TOKEN} ASCII characters, no blanks")
-    if url is not None and not _is_root(url):
+    if public_url is not None and not _is_root(public_url):
         raise HypermapError(
             "--public-url must be the address of a web server, as https://maps.example or "
             "https://maps.example/objects"
         )
     address = parse_address(store)
-    service = StoreService(address, secret, allows_edits=allow_edits, url=url)
+    service = StoreService(address, secret, allows_edits=allow_edits, url=public_url)
     with service.connections.one() as database:
         database.connected()  # or it is an error before anyone asks
     listening = listen(host, port)
