@@ -148,6 +148,10 @@ def test_the_unit_of_systemd_starts_a_server_and_ends_it_in_order(tmp_path: Path
     save_map(Hypermap([SemanticLayer("objects", "map", [cup])]), tmp_path / "office.hmap")
     unit = configparser.RawConfigParser()
     unit.read(ROOT / "packaging/systemd/hypermap-serve@.service", encoding="utf-8")
+    if unit["Service"].getboolean("PrivateTmp"):  # which goes with the service
+        assert "TMPDIR=/run/hypermap" in unit["Service"]["Environment"].split()
+        assert unit["Service"]["RuntimeDirectory"] == "hypermap"
+        assert unit["Service"].getboolean("RuntimeDirectoryPreserve")
     program, *arguments = unit["Service"]["ExecStart"].replace("%i", "office").split()
     assert program == "/opt/hypermap/bin/hypermap"
     assert arguments.pop() == "$HYPERMAP_OPTIONS"
