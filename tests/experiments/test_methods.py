@@ -22,6 +22,7 @@ from hypermap.mapping.stages import KeyframeConfig
 from hypermap.simulation import errors_of_level
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, World, WorldObject
+from hypermap.testing import assert_same_objects
 
 from ..installed import install_package
 
@@ -57,6 +58,16 @@ def nothing(occupancy):
     return None
 
 
+class Changes(Boxes):
+    def add(self, frame):
+        frame.depth[:] = 0
+        frame.color[:] = 0
+        frame.camera.K[:] = 1
+        frame.map_T_camera[:3, 3] += 5
+        frame.detections.names[:] = "nothing"
+        frame.detections.xyxy[:] = 0
+
+
 class Names(Boxes):
     def objects(self):
         return list(self.named)
@@ -83,6 +94,7 @@ POINTS = {
     "broken": "box_mapper:broken",
     "nothing": "box_mapper:nothing",
     "gone": "box_mapper:Gone",
+    "changes": "box_mapper:Changes",
     "names": "box_mapper:Names",
     "fails": "box_mapper:Fails",
     "empty": "box_mapper:Empty",
@@ -137,9 +149,7 @@ def test_a_file_is_a_method_with_its_name_and_what_differs(tmp_path: Path) -> No
 
 @pytest.mark.usefixtures("installed")
 def test_a_package_brings_code_or_a_configuration() -> None:
-    assert installed_names() == [
-        *("boxes", "broken", "empty", "fails", "gone", "names", "nothing", "number", "slow")
-    ]
+    assert installed_names() == sorted(POINTS)
     methods = chosen_methods("default", ["boxes", "slow"])
     assert methods["slow"] == profile("thesis")
     boxes = methods["boxes"]
@@ -160,7 +170,7 @@ def test_the_help_lists_what_is_installed(installed: Path) -> None:
         check=True,
         env={"PYTHONPATH": str(installed), "COLUMNS": "100"},
     )
-    assert "Installed methods: boxes, broken, empty, fails, gone, names, nothing," in done.stdout
+    assert "Installed methods: boxes, broken, changes, empty, fails, gone, names," in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -211,6 +221,16 @@ def test_what_a_method_maps_does_not_depend_on_other_methods() -> None:
     alone = map_drive(drive(), {"sparse": sparse})
     assert mapped.poses["sparse"] == alone.poses["sparse"]
     assert [mapped.poses[name][0].poses for name in ("other", "sparse")] == [2, 1]
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_method_that_changes_its_frames_changes_no_other_methods() -> None:
+    after = {"default": profile("default")} | dict([named_method("boxes")])
+    alone = map_drive(drive(), after)
+    mapped = map_drive(drive(), dict([named_method("changes")]) | after)
+    for name in after:
+        assert_same_objects(mapped.objects[name], alone.objects[name])
+    assert mapped.poses["default"] == alone.poses["default"]
 
 
 @pytest.mark.parametrize(

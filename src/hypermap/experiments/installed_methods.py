@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ class MappingRun(Protocol):
     """A method of a package at work on one drive."""
 
     def add(self, frame: RgbdFrame) -> None:
-        """Map the next frame; it has images, a pose and `detections`."""
+        """Map the next frame; it has images, a pose and `detections`, and is the run's own."""
 
     def objects(self) -> Sequence[SemanticObject]:
         """Return the objects of the map so far, in the frame of the poses."""
@@ -99,9 +100,9 @@ class _NamedRun:
     drive: str
 
     def add(self, frame: RgbdFrame) -> None:
-        """Map the next frame."""
+        """Map the next frame, of which the package may change what it likes: it is a copy."""
         with _named(self.method, f"add() failed at {frame.stamp:g} s", self.drive):
-            self.run.add(frame)
+            self.run.add(copy.deepcopy(frame))
 
     def objects(self) -> Sequence[SemanticObject]:
         """Return the objects of the map so far."""
