@@ -164,6 +164,10 @@ def test_the_published_floor_without_its_plants(hypermap, shared_data, save):
         ([], "e.hmap: the map has no objects; nothing was found"),
         ([square("train", 0, 0)], "e.hmap: the map and truth.hmap have no class in common"),
         (
+            [square("chair", 500, 0)],
+            "e.hmap: none of its objects lies on one of truth.hmap, whatever their names; the near",
+        ),
+        (
             [SemanticObject("sink", shapely.Polygon([(9, 0), (10, 1), (10, 0), (9, 1)]))],
             "e.hmap: 1 outline crosses itself; what is wound around counts as inside",
         ),

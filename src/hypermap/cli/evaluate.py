@@ -129,3 +129,18 @@ def _note_strangers(objects: MapObjects, truth: MapObjects) -> None:
             f"{objects.name}: the map and {truth.name} have no class in common; do they use the "
             "same names?"
         )
+    elif (apart := _apart(objects, truth)) > 0:
+        note(
+            f"{objects.name}: none of its objects lies on one of {truth.name}, whatever their "
+            f"names; the nearest are {apart:.2g} m apart; are both in one frame, in meters?"
+        )
+
+
+def _apart(objects: MapObjects, truth: MapObjects) -> float:
+    """Return how near the objects of two maps come to each other [m], 0 where they overlap."""
+    import shapely
+
+    tree = shapely.STRtree([thing.footprint for thing in truth.objects])
+    shapes = [thing.footprint for thing in objects.objects]
+    _, distances = tree.query_nearest(shapes, return_distance=True, all_matches=False)
+    return float(distances.min())

@@ -41,7 +41,11 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
     if path.suffix.lower() in _PICTURES:
         raise FormatError("is a picture; give the map_server YAML file that names it", path=path)
     if path.suffix.lower() in _ONLY_WRITTEN:
-        raise FormatError(f"{path.suffix} files can be written, but not read as maps", path=path)
+        raise FormatError(
+            f"{path.suffix} files can be written, but not read as maps; make objects of them in "
+            "Python, or GeoJSON of polygons",
+            path=path,
+        )
     if content.startswith(MAGIC):
         return Hypermap([layer_of_parquet(content, str(path), frame_id)])
     if path.suffix.lower() in JSON_ENDINGS:

@@ -87,5 +87,5 @@ def _explain(error: dict[str, Any]) -> str:
         return "is required, but missing"
     if error["type"] == "value_error":
         return str(error["ctx"]["error"])
-    message = str(error["msg"])
+    message = str(error["msg"]).replace("valid tuple", "list")  # files have no tuples
     return f"{message[0].lower()}{message[1:]}, found {found(error['input'])}"

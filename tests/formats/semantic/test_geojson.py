@@ -145,11 +145,11 @@ def polygon(*points: Any) -> dict[str, Any]:
         ('{"type": "Feature"}', "type: input should be 'FeatureCollection', found 'Feature'"),
         ('{"type": "FeatureCollection"}', "features: is required, but missing"),
         (changed(type="Point"), "features[0].type: input should be 'Feature', found 'Point'"),
-        (changed(geometry=None), "features[0].geometry: input should be a valid dictionary, found"),
         (
             changed(geometry={"type": "Point", "coordinates": [1, 2]}),
-            "features[0].geometry.type: input should be 'Polygon' or 'MultiPolygon', found 'Point'",
+            "features[0].geometry.type: expected Polygon or MultiPolygon, found 'Point'; objects h",
         ),
+        (changed(geometry=None), "features[0].geometry: is missing; leave out features without"),
         (
             changed(geometry={"type": "Polygon", "coordinates": []}),
             "features[0].geometry.coordinates: list should have at least 1 item",
@@ -183,14 +183,26 @@ def polygon(*points: Any) -> dict[str, Any]:
             changed(geometry=polygon("a", {}, 3)),
             "features[0].geometry: is not a valid Polygon: ",
         ),
-        (changed(properties={}), "features[0].properties: name: is required, but missing"),
+        (
+            changed(properties={}),
+            "features[0].properties.name: is required, but missing: it is the class of the object;",
+        ),
+        (
+            changed(properties={"label": "cup", "score": 0.5}),
+            "features[0].properties.name: is required, but missing: it is the class of the object; "
+            "rename the property that has it (found: label, score)",
+        ),
+        (
+            changed(properties={"name": "cup", "id": "cup-7"}),
+            "features[0].properties.id: expected a whole number, found 'cup-7'; rename the propert",
+        ),
         (
             changed(properties={"name": "cup", "id": -2}),
             "features[0].properties: id: input should be greater than or equal to 0, found -2",
         ),
         (
             changed(properties={"name": "cup", "tags": "['cup' 'bowl']"}),
-            "features[0].properties: tags: input should be a valid tuple, found",
+            "features[0].properties: tags: input should be a list, found",
         ),
     ],
     ids=lambda value: value[:40],
@@ -211,8 +223,13 @@ def test_coordinates_that_lie_too_deep_are_an_error() -> None:
 def test_an_id_that_is_there_twice_is_an_error(times: int) -> None:
     document = json.loads(to_geojson(LAYER))
     document["features"] *= times
-    with pytest.raises(FormatError, match="features: the id 7 appears twice"):
+    with pytest.raises(FormatError, match="features: the id 7 appears twice; features witho"):
         from_geojson(json.dumps(document))
+
+
+def test_a_confidence_may_be_one_number() -> None:
+    [read] = from_geojson(changed(properties={"name": "cup", "confidence": 0.5}))
+    assert read.confidence == (0.5,)
 
 
 def test_numbers_of_numpy_are_written_as_numbers() -> None:

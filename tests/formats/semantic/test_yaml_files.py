@@ -147,7 +147,7 @@ def test_words_that_yaml_takes_for_something_else_are_names() -> None:
         ),
         (f"{{name: cup, shape: '{SQUARE}', id: -1}}", "id: input should be greater than or equal"),
         (f"{{name: cup, shape: '{SQUARE}', id: x}}", "id: input should be a valid integer"),
-        (f"{{name: cup, shape: '{SQUARE}', tags: cup}}", "tags: input should be a valid tuple"),
+        (f"{{name: cup, shape: '{SQUARE}', tags: cup}}", "tags: input should be a list, found"),
         (
             f"{{name: cup, shape: '{SQUARE}', confidence: [1, .nan]}}",
             "confidence[1]: input should be a finite number, found nan",

@@ -23,7 +23,7 @@ from hypermap.core.errors import FormatError
 from hypermap.core.objects import MAX_ID
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.shapes import check_footprint
-from hypermap.formats.checked import Checked, Text, check
+from hypermap.formats.checked import Checked, Text, check, found
 from hypermap.formats.columns.crs import System, engineering_wkt, frame_of
 from hypermap.formats.letters import check_read, check_savable
 from hypermap.formats.semantic.records import object_from_record, record_from_object
@@ -32,6 +32,7 @@ from hypermap.formats.yaml_text import plain_value
 logger = logging.getLogger(__name__)
 
 _HALF = re.compile(r"\\u[dD][89a-fA-F]")  # of a character, and often the other half behind it
+_AREAS = ("Polygon", "MultiPolygon")
 _WRONG = (
     ValueError,
     TypeError,
@@ -53,13 +54,13 @@ class _Collection(Checked):
 
 class _Feature(Checked):
     type: Literal["Feature"]
-    geometry: dict[str, Any]
+    geometry: dict[str, Any] | None = None
     properties: dict[str, Any] | None = None
     id: Any = None
 
 
 class _Geometry(Checked):
-    type: Literal["Polygon", "MultiPolygon"]
+    type: str
     coordinates: Annotated[list[Any], Field(min_length=1)]
 
 
@@ -131,7 +132,11 @@ def from_geojson(
     ids = collections.Counter(item.id for item in objects if item.id is not None)
     for number, count in ids.most_common(1):
         if count > 1:
-            raise FormatError(f"the id {number} appears twice", path=path, key="features")
+            raise FormatError(
+                f"the id {number} appears twice; features without ids get new ones",
+                path=path,
+                key="features",
+            )
     return SemanticLayer(name or collection.name or "semantic", frame, objects)
 
 
@@ -170,6 +175,7 @@ def _object(raw: Any, path: str | None, position: int, with_heights: list[str]) 
     if has_heights:
         with_heights.append(place)
     properties = dict(feature.properties or {})
+    _check_names(properties, path, f"{place}.properties")
     if "id" not in properties and type(feature.id) is int and 0 <= feature.id <= MAX_ID:
         properties["id"] = feature.id
     try:
@@ -178,9 +184,29 @@ def _object(raw: Any, path: str | None, position: int, with_heights: list[str]) 
         raise FormatError(str(error), path=path, key=f"{place}.properties") from None
 
 
-def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> tuple[BaseGeometry, bool]:
+def _check_names(properties: Mapping[str, Any], path: str | None, place: str) -> None:
+    """Say what to do with what other programs write: no name, and ids that are texts."""
+    others = ", ".join(str(key) for key in list(properties)[:8])
+    if "name" not in properties:
+        hint = f"rename the property that has it (found: {others})" if others else "found none"
+        why = f"is required, but missing: it is the class of the object; {hint}"
+        raise FormatError(why, path=path, key=f"{place}.name")
+    if isinstance(properties.get("id"), str):
+        why = f"expected a whole number, found {found(properties['id'])}; rename the property"
+        raise FormatError(f"{why}, to keep it as an attribute", path=path, key=f"{place}.id")
+
+
+def _footprint(
+    raw: Mapping[str, Any] | None, path: str | None, place: str
+) -> tuple[BaseGeometry, bool]:
     """Return a footprint, and whether its coordinates had heights, which are left out."""
+    if raw is None:
+        raise FormatError("is missing; leave out features without one", path=path, key=place)
     geometry = check(_Geometry, raw, path, place)
+    if geometry.type not in _AREAS:
+        why = f"expected {' or '.join(_AREAS)}, found {found(geometry.type)}"
+        hint = "objects have areas: put a buffer around points and lines"
+        raise FormatError(f"{why}; {hint}", path=path, key=f"{place}.type")
     try:
         with np.errstate(invalid="ignore"):  # of infinite coordinates, which are refused below
             shape: BaseGeometry = shapely.geometry.shape(geometry.model_dump())

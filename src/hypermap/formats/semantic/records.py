@@ -29,6 +29,11 @@ class _Record(Checked):
     def _empty_key_is_empty_list(cls, value: Any) -> Any:
         return () if value is None else value
 
+    @field_validator("confidence", mode="before")
+    @classmethod
+    def _number_is_list_of_one(cls, value: Any) -> Any:  # as other programs write it
+        return (value,) if type(value) in (int, float) else value
+
 
 KNOWN_KEYS = _Record.known_keys() | {"shape"}
 """The keys of an object's entry other than free attributes."""
