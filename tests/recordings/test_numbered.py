@@ -51,6 +51,19 @@ def test_the_frames_of_a_folder_are_what_was_written(
         assert (K[0, 0], K[1, 1], K[0, 2], K[1, 2]) == INTRINSICS
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_poses_in_the_order_of_text_are_told(tmp_path: Path, first: int) -> None:
+    shots = [SHOTS[0]] * 40
+    folder = write_replica(tmp_path / "scene", shots)
+    told = "traj.txt seem to be in the order 0, 1, 10, 11, ..., 2 of files sorted as text"
+    poses = np.tile(np.eye(4), (len(shots), 1, 1))
+    poses[:, 0, 3] = np.cumsum(np.random.default_rng(0).uniform(0, 0.1, len(shots)))
+    numbers = range(first, first + len(shots))
+    for order, is_told in ((sorted(numbers, key=str), True), (list(numbers), False)):
+        np.savetxt(folder / "traj.txt", [poses[i - first].ravel() for i in order])
+        assert (told in " ".join(open_recording(folder).info().notes)) == is_told
+
+
 def test_color_of_another_camera_is_seen_by_the_depth_camera(tmp_path: Path) -> None:
     folder = write_scannet(tmp_path / "scene", SHOTS)
     # The color camera sees half as far to each side, at the same size of a pixel: a red picture.

@@ -18,7 +18,7 @@ from hypermap.perception.recording import RecordingInfo, Stream
 from hypermap.recordings.folders import ImageFolder, Shot, usual_size
 from hypermap.recordings.intrinsics_files import Intrinsics, color_intrinsics, depth_intrinsics
 from hypermap.recordings.layouts import POSES_USE, FoundFiles, Layout
-from hypermap.recordings.numbered_poses import NumberedPose, read_numbered_poses
+from hypermap.recordings.numbered_poses import NumberedPose, are_sorted_as_text, read_numbered_poses
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.problems import problems_of
 from hypermap.text import counted
@@ -183,6 +183,12 @@ class NumberedRecording(ImageFolder):
                 f"{counted(len(depths), 'depth image')}: they are taken as those of the images "
                 f"{min(poses)} to {max(poses)}; if they are of others, the images must be named by "
                 f"the number of their pose, from {min(poses)}"
+            )
+        if self._files.trajectory is not None and are_sorted_as_text(list(poses.values())):
+            notes.append(
+                f"the poses of {self._files.trajectory.name} seem to be in the order 0, 1, 10, 11, "
+                "..., 2 of files sorted as text, so most images have that of another one: sort "
+                "them by number"
             )
         if incomplete:
             notes.append(f"left out, without an image or a pose: {counted(incomplete, 'frame')}")

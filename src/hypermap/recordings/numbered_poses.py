@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.recordings.layouts import FoundFiles
 from hypermap.recordings.options import nearest_rigid
 from hypermap.recordings.textfiles import parse_numbers, read_lines, read_matrix, words_of
+
+_LEAST_POSES = 20  # of which an order can be told
 
 # As recorded, shape (4, 4); None where tracking was lost; or why it cannot be read.
 NumberedPose = NDArray[np.float64] | HypermapError | None
@@ -30,6 +33,28 @@ def read_numbered_poses(files: FoundFiles) -> dict[int, NumberedPose]:
         return dict(zip(numbers, poses, strict=True))
     # Some are absent, so the numbers of the images count.
     return dict(enumerate(poses, start=_first_number(min(numbers), max(numbers), len(poses))))
+
+
+def are_sorted_as_text(poses: Sequence[NumberedPose]) -> bool:
+    """Return whether poses seem to be in the order 0, 1, 10, 11, 2, as files are often listed.
+
+    The camera then goes less than half as far if they are taken in the order of their numbers.
+    """
+    known = [pose[:3, 3] for pose in poses if isinstance(pose, np.ndarray)]
+    if len(known) < max(len(poses), _LEAST_POSES):
+        return False
+    listed = np.array(known)
+    for first in (0, 1):
+        order = np.argsort([str(first + i) for i in range(len(listed))])
+        numbered = np.empty_like(listed)
+        numbered[order] = listed
+        if 2 * _length(numbered) < _length(listed):
+            return True
+    return False
+
+
+def _length(positions: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
 def _first_number(first: int, last: int, poses: int) -> int:
