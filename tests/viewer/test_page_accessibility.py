@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from hypermap import save_map
+from hypermap import Hypermap, SemanticLayer, save_map
+from hypermap.testing import square
 
 from .page_tools import PATIENCE, SIZE, Window, a_server, a_window
 from .past_map import past_map
@@ -136,3 +137,19 @@ def test_all_tools_fit_on_a_phone(browser: Browser, tmp_path: Path) -> None:
             assert left >= 0
             assert right <= 360
             assert all(left <= side[0] and side[1] <= right for side in buttons)
+
+
+def test_tab_comes_to_the_tools_before_the_many_classes(browser: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "zones.hmap"
+    zones = [square(f"zone {i}", 2 * i, 0) for i in range(100)]
+    save_map(Hypermap([SemanticLayer("zones", "map", zones)]), path)
+    with a_server(path) as url, a_window(browser, url) as window:
+        page = window.page
+        page.locator("#map").focus()
+        page.keyboard.press("Tab")
+        expect(page.locator("#toolbar button:visible").first).to_be_focused()
+        page.locator("#tool-edit").focus()
+        page.keyboard.press("Enter")
+        page.locator("#theme").focus()
+        page.keyboard.press("Tab")  # to the bar of the editor, which lies below
+        expect(page.locator("#editbar button:enabled").first).to_be_focused()
