@@ -103,6 +103,16 @@ def test_the_parts_of_a_bag_are_read_in_order_of_their_numbers(
         assert_shows(frame, shot)
 
 
+def test_a_later_part_alone_says_which_part_has_what_it_lacks(tmp_path: Path) -> None:
+    names = [f"desk_2026-11-21-07-10-{50 + i}_{i + 9}.bag" for i in range(3)]
+    folder = write_parts(tmp_path, "ros1", names)
+    told = f"if this is a part of the bag that begins with {names[0]}, give a folder"
+    assert told in open_recording(folder / names[1]).info().missing[-1]
+    with pytest.raises(FormatError, match=told):
+        len(open_recording(folder / names[2]))
+    assert told not in " ".join(open_recording(folder / names[0]).info().missing)
+
+
 @pytest.mark.parametrize("kind", ["db3", "mcap"])
 def test_a_ros2_bag_in_parts_is_read_by_its_metadata(tmp_path: Path, kind: str) -> None:
     names = [f"drive_{i}.{kind}" for i in range(4)]

@@ -44,6 +44,20 @@ def parts_of(path: Path) -> list[Path]:
     return [parts[number] for number in sorted(parts)]
 
 
+def first_part(path: Path) -> Path | None:
+    """Return the first part of a bag, by name, if a file seems to be a later one."""
+    own = _PART.fullmatch(path.name) if path.is_file() else None
+    if own is None:
+        return None
+    parts = {
+        int(match["number"]): file
+        for file, match in _matches(list(path.parent.iterdir()))
+        if (match["name"], match["ending"]) == (own["name"], own["ending"])
+    }
+    first = min(parts)
+    return parts[first] if first < int(own["number"]) else None
+
+
 def _matches(files: list[Path]) -> list[tuple[Path, re.Match[str]]]:
     found = ((file, _PART.fullmatch(file.name)) for file in files)
     return [(file, match) for file, match in found if match is not None]

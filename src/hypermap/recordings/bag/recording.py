@@ -20,6 +20,7 @@ from hypermap.perception.recording import (
 )
 from hypermap.recordings.bag.contents import read_contents
 from hypermap.recordings.bag.file import BagFile
+from hypermap.recordings.bag.parts import first_part
 from hypermap.recordings.bag.plan import BagPlan
 from hypermap.recordings.bag.reader import FrameMessages, MessageReader
 from hypermap.recordings.bag.stream import stream_frames
@@ -112,7 +113,7 @@ class BagRecording:
         try:
             streams = self._streams(ChosenTopics())
             streams = self._streams(self._topics)
-            missing += self._plan.problems()
+            missing += self._problems()
             if not missing:
                 plan = self._plan
                 frames = len(plan.frames)
@@ -179,9 +180,18 @@ class BagRecording:
         )
 
     def _require_no_problems(self) -> None:
-        problems = self._plan.problems()
-        if problems:
+        if problems := self._problems():
             raise FormatError("\n".join(problems), path=self._path)
+
+    def _problems(self) -> list[str]:
+        problems = self._plan.problems()
+        first = first_part(self._path) if problems else None
+        if first is not None:
+            problems.append(
+                f"if this is a part of the bag that begins with {first.name}, give a folder with "
+                "these parts alone: only the first one has /tf_static and other latched messages"
+            )
+        return problems
 
     @cached_property
     def _topics(self) -> ChosenTopics:
