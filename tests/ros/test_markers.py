@@ -194,6 +194,20 @@ def test_labels_of_things_that_stand_on_one_another_can_be_read(types: Any) -> N
         assert (at.x, at.y) == pytest.approx(place.footprint.centroid.coords[0])
 
 
+@pytest.mark.parametrize(("asked", "given"), [(1.0, 0.3), (0.25, 0.25)])
+def test_grids_and_zones_show_through_the_fills_of_rooms(
+    types: Any, asked: float, given: float
+) -> None:
+    objects = [square("kitchen", 0, 0, 4)]
+    for name, opacity in (("rooms", given), ("semantic", asked)):
+        fill = shown(SemanticLayer(name, "map", objects), types, fill_opacity=asked)["kitchen"][
+            FILL
+        ]
+        assert fill.color.a == fill.colors[0].a == pytest.approx(opacity)
+        outline = shown(SemanticLayer(name, "map", objects), types)["kitchen"][OUTLINE]
+        assert outline.color.a == 1
+
+
 def test_what_is_shown_and_how(types: Any) -> None:
     layer = SemanticLayer("s", "map", [square("cup", 0, 0), square("table", 3, 0, 2)])
     assert set(shown(layer, types, show_fill=False)["cup"]) == {OUTLINE, FIRST_LABEL}

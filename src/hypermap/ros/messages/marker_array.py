@@ -30,6 +30,7 @@ _FILL, _OUTLINE, _FIRST_LABEL = 0, 1, 2  # ids within a class
 _STEP = 0.004  # m between fill and outline
 _ABOVE_ROOMS = 0.01  # m from the fills of rooms to those of what stands in them
 _SPREAD = 0.05  # m from the same to the smallest object, which lies on top
+_MOST_OF_ROOMS = 0.3  # opacity of the fills of rooms, below which grids, values and zones lie
 _TINT = 0.62  # of a class's color in its fill; the rest is white, so that names can be read
 
 
@@ -78,6 +79,7 @@ def marker_array(
     # Rooms, which do not overlap, lie below all else.
     heights = style.marker_height + (0.0 if layer.name == ROOMS else _lifts(table))
     heights = np.broadcast_to(heights, len(table))
+    opacity = min(style.fill_opacity, _MOST_OF_ROOMS if layer.name == ROOMS else 1.0)
     fills = outlined = None
     if style.show_fill:
         fills = _Drawn(triangles(table.shapes), table, heights)
@@ -88,7 +90,7 @@ def marker_array(
     for name, code in sorted(table.vocabulary.items()):
         color = colors.get(name, (0.0, 0.0, 0.0))
         if fills is not None and len(points := fills.of(code)):
-            fill = make.marker(name, _FILL, TRIANGLE_LIST, color=(*tint(color), style.fill_opacity))
+            fill = make.marker(name, _FILL, TRIANGLE_LIST, color=(*tint(color), opacity))
             make.draw(fill, points)
             make.unshade(fill)
             markers.append(fill)
