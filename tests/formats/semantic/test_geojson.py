@@ -16,6 +16,7 @@ from hypermap.core.errors import FormatError, MissingExtra
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats.semantic.geojson import from_geojson, to_geojson
 from hypermap.formats.semantic.geopandas_bridge import to_geodataframe
+from hypermap.testing import assert_same_layer, square
 
 CUP = SemanticObject(
     name="cup",
@@ -123,6 +124,19 @@ def test_gis_programs_may_leave_open_rings_nulls_and_ids_of_their_own() -> None:
     assert item.id == 0
 
 
+def test_a_property_that_is_null_is_no_attribute_and_what_is_none_stays_so() -> None:
+    item = square("cup", 0, 0, attributes={"color": None, "z_max": 0.9, "name": "mug"})
+    layer = SemanticLayer("objects", "lab", [item])
+    text = to_geojson(layer)
+    assert_same_layer(from_geojson(text), layer)
+    document = json.loads(text)
+    document["features"][0]["properties"] |= {"weight": None, "id": None}
+    document["features"][0]["id"] = 7
+    (again,) = from_geojson(json.dumps(document)).objects()
+    assert again.attributes == item.attributes
+    assert again.id == 7
+
+
 def changed(**changes: Any) -> str:
     """The cup's collection with other members in its feature."""
     document = json.loads(to_geojson(LAYER))
@@ -148,6 +162,10 @@ def polygon(*points: Any) -> dict[str, Any]:
         (
             changed(geometry={"type": "Point", "coordinates": [1, 2]}),
             "features[0].geometry.type: expected Polygon or MultiPolygon, found 'Point'; objects h",
+        ),
+        (
+            changed(geometry={"type": "GeometryCollection", "geometries": []}),
+            "features[0].geometry.type: expected Polygon or MultiPolygon, found 'GeometryColl",
         ),
         (changed(geometry=None), "features[0].geometry: is missing; leave out features without"),
         (

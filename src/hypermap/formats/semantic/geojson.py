@@ -163,9 +163,22 @@ def feature_of(item: SemanticObject) -> dict[str, Any]:
         "geometry": shapely.geometry.mapping(item.footprint),
         "properties": {
             "id": item.id,
-            **plain_value(record_from_object(item), f"object {item.id}"),
+            **_with_nulls_apart(plain_value(record_from_object(item), f"object {item.id}")),
         },
     }
+
+
+def _with_nulls_apart(record: dict[str, Any]) -> dict[str, Any]:
+    """Return a record with attributes that are null under the key `attributes`.
+
+    GIS programs give each feature all properties of a file, as null where it has none; so a
+    property that is null says nothing.
+    """
+    nulls = {key: None for key, value in record.items() if value is None}
+    if not nulls:
+        return record
+    own = {key: value for key, value in record.items() if value is not None}
+    return {**own, "attributes": {**own.get("attributes", {}), **nulls}}
 
 
 def _object(raw: Any, path: str | None, position: int, with_heights: list[str]) -> SemanticObject:
@@ -174,7 +187,7 @@ def _object(raw: Any, path: str | None, position: int, with_heights: list[str]) 
     footprint, has_heights = _footprint(feature.geometry, path, f"{place}.geometry")
     if has_heights:
         with_heights.append(place)
-    properties = dict(feature.properties or {})
+    properties = {k: value for k, value in (feature.properties or {}).items() if value is not None}
     _check_names(properties, path, f"{place}.properties")
     if "id" not in properties and type(feature.id) is int and 0 <= feature.id <= MAX_ID:
         properties["id"] = feature.id
@@ -202,11 +215,11 @@ def _footprint(
     """Return a footprint, and whether its coordinates had heights, which are left out."""
     if raw is None:
         raise FormatError("is missing; leave out features without one", path=path, key=place)
-    geometry = check(_Geometry, raw, path, place)
-    if geometry.type not in _AREAS:
-        why = f"expected {' or '.join(_AREAS)}, found {found(geometry.type)}"
+    if raw.get("type", _AREAS[0]) not in _AREAS:  # others may have no coordinates
+        why = f"expected {' or '.join(_AREAS)}, found {found(raw['type'])}"
         hint = "objects have areas: put a buffer around points and lines"
         raise FormatError(f"{why}; {hint}", path=path, key=f"{place}.type")
+    geometry = check(_Geometry, raw, path, place)
     try:
         with np.errstate(invalid="ignore"):  # of infinite coordinates, which are refused below
             shape: BaseGeometry = shapely.geometry.shape(geometry.model_dump())
