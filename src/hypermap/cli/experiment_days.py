@@ -68,7 +68,7 @@ def _figures(tallies: Sequence[Tally]) -> dict[str, Any]:
     swapped, said = (sum(getattr(t, n) for t in tallies) for n in ("swapped", "swapped_found"))
     return {
         "changes": _changes([tally.looked for tally in tallies]),
-        "changes_of_things_in_sight": _changes([tally.in_sight for tally in tallies]),
+        "changes_in_sight": _changes([tally.in_sight for tally in tallies]),
         "changes_of_things_that_sizes_tell": _changes([tally.alike for tally in tallies]),
         "causes": dict(causes.most_common()),
         "swapped": {"true": swapped, "reported_as_moved": said},
@@ -113,7 +113,7 @@ def _show(name: str, world: dict[str, Any]) -> None:
     columns = ("changes", "precision", "recall", "F1", "F1 in sight", "F1 as sizes tell")
     rows = table("kind", *columns, right=columns)
     for kind, row in world["changes"].items():
-        others = ("changes_of_things_in_sight", "changes_of_things_that_sizes_tell")
+        others = ("changes_in_sight", "changes_of_things_that_sizes_tell")
         f1s = (world[name][kind]["f1"] for name in others)
         shares = (row["precision"], row["recall"], row["f1"], *f1s)
         rows.add_row(kind, str(row["true"]), *map(number, shares))

@@ -67,13 +67,6 @@ def cause_of_wrong(said: Change, before: MappedDay, after: MappedDay) -> str:
     return "same place" if _is_unmoved(things[0], before, after) else "real"
 
 
-def things_of(said: Change, before: MappedDay, after: MappedDay) -> list[int]:
-    """Return the things for which the objects of a reported change stand."""
-    ends = ((said.before, before), (said.after, after))
-    found = [_thing_of(item, day) for item, day in ends if item is not None]
-    return [thing for thing in found if thing is not None]
-
-
 def _cause_of_end(item: SemanticObject, day: MappedDay, before: MappedDay, after: MappedDay) -> str:
     """Return why an object seems to have come or gone, which only one of two maps has.
 

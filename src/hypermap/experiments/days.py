@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from functools import partial
@@ -20,10 +20,11 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.history import ADDED, GONE, MOVED, Change
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.evaluation.matching import match_objects
-from hypermap.experiments.day_causes import cause_of_missed, cause_of_wrong, things_of
+from hypermap.experiments.day_causes import cause_of_missed, cause_of_wrong
 from hypermap.experiments.look_alikes import as_told
-from hypermap.experiments.mapped_day import LOOKED, MappedDay, Shown
+from hypermap.experiments.mapped_day import LOOKED, MappedDay
 from hypermap.experiments.parallel import in_processes
+from hypermap.experiments.shown import Shown
 from hypermap.history import grown
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.mapper import Mapper
@@ -91,8 +92,7 @@ class Tally:
         world: name of the world.
         seed: of the series.
         looked: changes at places where the robot looked on both days.
-        in_sight: of these, changes of things that it had in sight on each day on which they were
-            there, and those that the map reports without a thing.
+        in_sight: of these, changes whose places it had in sight on both days.
         alike: as `looked`, but things of one class may stand for each other unless their sizes
             differ by more than maps tell.
         swapped: things that were swapped with one of the same class and size.
@@ -158,7 +158,7 @@ def _map_day(
         mapper = Mapper.onto(before.hypermap, _detections, config, name)
     visible, shown = [], Shown(day, config.evidence.max_range)
     for frame in recording.frames():
-        shown.add(frame, recording.sightings)
+        shown.add(recording)
         stamp = FIRST_DAY + number * DAY + frame.stamp
         later = dataclasses.replace(frame, stamp=stamp, color_stamp=stamp)
         observation = mapper.add(later)
@@ -250,10 +250,8 @@ def _count_kind(
     tally.swapped += found.swapped
     tally.swapped_found += found.swapped_found
     tally.looked.add(kind, len(found.right), len(found.missed), len(found.wrong))
-    in_sight = [one for one in found.right if _was_in_sight([one.thing], days)]
-    missed_in_sight = [one for one in found.missed if _was_in_sight([one.thing], days)]
-    wrong_in_sight = [one for one in found.wrong if _was_in_sight(things_of(one, *days), days)]
-    tally.in_sight.add(kind, len(in_sight), len(missed_in_sight), len(wrong_in_sight))
+    groups = (found.right, found.missed, found.wrong)
+    tally.in_sight.add(kind, *(sum(_was_in_sight(one, days) for one in group) for group in groups))
     causes = [
         (f"missed {_told(one)}", f"missed {kind}: {cause_of_missed(one, *days)}")
         for one in found.missed
@@ -293,14 +291,10 @@ def _is_seen(places: Sequence[BaseGeometry], days: tuple[MappedDay, MappedDay]) 
     return all(day.looked_at(place) for place in places for day in days)
 
 
-def _was_in_sight(things: Iterable[int], days: tuple[MappedDay, MappedDay]) -> bool:
-    """Return whether the drives of both days showed things, where these were there."""
-    return all(
-        day.frames_of(thing)[0] >= LOOKED
-        for thing in things
-        for day in days
-        if day.place_of(thing) is not None
-    )
+def _was_in_sight(change: WorldChange | Change, days: tuple[MappedDay, MappedDay]) -> bool:
+    """Return whether both drives show what has changed at its places, or would, were it there."""
+    ends = [one for one in (change.before, change.after) if one is not None]
+    return all(day.shown.frames_that_show(one) >= LOOKED for one in ends for day in days)
 
 
 def _pairs(true: Sequence[WorldChange], said: Sequence[Change]) -> list[tuple[int, int]]:

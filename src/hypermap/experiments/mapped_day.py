@@ -13,9 +13,8 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.objects import SemanticObject
 from hypermap.evaluation.matching import match_objects
-from hypermap.perception.frame import RgbdFrame
+from hypermap.experiments.shown import Shown
 from hypermap.simulation.days import Day
-from hypermap.simulation.sightings import Sightings
 from hypermap.simulation.truth import true_objects
 from hypermap.simulation.world import Point
 
@@ -24,35 +23,6 @@ LOOKED = 3
 
 _COVERED = 0.5  # share of a place that a frame must be able to see
 _AROUND = 0.15  # [m]; radius of a place
-
-
-class Shown:
-    """How many frames of a drive show each thing large enough to be detected, and near enough.
-
-    Attributes:
-        visible: frames that show it, int64, shape (N,).
-        detected: of these, frames with a detection of it by its own class, int64, shape (N,).
-    """
-
-    def __init__(self, day: Day, max_range: float) -> None:
-        """Prepare to count; things that are more than `max_range` [m] away do not count."""
-        self._places = np.array([one.place for one in day.world.objects]).reshape(-1, 2)
-        self._max_range = max_range
-        self.visible, self.detected, *self._before = np.zeros((4, len(self._places)), np.int64)
-
-    def add(self, frame: RgbdFrame, sightings: Sightings) -> None:
-        """Count a frame.
-
-        Args:
-            frame: the frame.
-            sightings: of the recording, up to this frame.
-        """
-        visible, detected = self._before
-        ways = np.hypot(*(self._places - frame.map_T_camera[:2, 3]).T)
-        is_near = ways <= self._max_range
-        self.visible += is_near & (sightings.visible > visible)
-        self.detected += is_near & (sightings.detected > detected)
-        self._before = [sightings.visible.copy(), sightings.detected.copy()]
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,6 +49,8 @@ class SimulatedRecording:
         faults: the kind of fault of each bad frame, by the frame's number.
         sightings: how often each thing of the world was seen in the frames requested last, before
             faults.
+        exact: of the frame requested last, without errors: the `map_T_camera`, shape (4, 4), and
+            the depth [m], NaN where there is nothing, shape (H, W).
         true_poses: the exact `map_T_camera` of each frame, shape (N, 4, 4).
         recorded_poses: those that come with the frames, shape (N, 4, 4).
     """
@@ -120,6 +122,7 @@ class SimulatedRecording:
         self.recorded_poses = self._estimated(pose_noise or PoseNoise(), poses, world.drive)
         drawn = (draw_fault(bad_frames, self._rng(_FAULT, i)) for i in range(len(self)))
         self.sightings = Sightings.none(len(world.objects))
+        self.exact = np.eye(4), np.full((camera.height, camera.width), np.nan, np.float32)
         self.faults = {i: fault for i, fault in enumerate(drawn) if fault is not None}
 
     @property
@@ -187,6 +190,7 @@ class SimulatedRecording:
             else:
                 detections = noisy.detect(view.instances, self._seen_falsely(places, view, i))
             self.sightings.add(view.instances, view.depth, detections, names)
+            self.exact = pose, view.depth
             yield RgbdFrame(
                 stamp=self._start + stamp,
                 depth=self._depth_noise.measure(measured, self._rng(_DEPTH, i), dark),

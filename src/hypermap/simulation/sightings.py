@@ -16,7 +16,9 @@ from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.detections import Detections
 from hypermap.simulation.detector import visible_boxes
 
-_LEAST_PIXELS = 60  # smaller views of a thing do not count, as for `DetectorNoise.min_pixels`
+LEAST_PIXELS = 60
+"""Smaller views of a thing do not count, as for `DetectorNoise.min_pixels`."""
+
 _SAME = 0.5  # intersection over union of a detection's box and that of what is visible of a thing
 
 
@@ -63,7 +65,7 @@ class Sightings:
         known = np.where(instances < count, instances, -1)
         is_known = known >= 0
         pixels = np.bincount(known[is_known], minlength=count)
-        shown = np.flatnonzero(pixels >= _LEAST_PIXELS)
+        shown = np.flatnonzero(pixels >= LEAST_PIXELS)
         self.visible[shown] += 1
         depths = np.bincount(known[is_known], depth[is_known], minlength=count)
         self.nearest[shown] = np.fmin(self.nearest[shown], depths[shown] / pixels[shown])
