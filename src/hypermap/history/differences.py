@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import shapely
 
-from hypermap.core.arrays import as_objects
 from hypermap.core.history import (
     ADDED,
     EARLIEST,
@@ -24,9 +23,14 @@ from hypermap.core.history import (
 )
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.core.shapes import valid_copies
 from hypermap.history.expiry import expiry_of
-from hypermap.history.likeness import MIN_MOVED, SAME_SHAPE, distance_between, likeness
+from hypermap.history.likeness import (
+    MIN_MOVED,
+    SAME_SHAPE,
+    distance_between,
+    fills_its_place,
+    likeness,
+)
 
 MOVE = "moved"
 """The attribute in which mapping says of an object that it was moved: how likely it is that one,
@@ -34,7 +38,6 @@ MOVE = "moved"
 
 _MEASURED = {"evidence", "z_min", "z_max", "by_hand", MOVE}  # attributes that mapping writes
 _TOLERANCE = 1e-6  # meters between points that are the same
-_STILL_THERE = 0.85  # share of the smaller footprint in the other one
 _SAME_WHEN_EDITED = 0.9  # likeness of shapes from which on a person has moved an object
 
 
@@ -145,21 +148,11 @@ def _kind(old: SemanticObject, new: SemanticObject, distance: float, cause: Caus
         alike = likeness(old.footprint, new.footprint)
         if alike < (_SAME_WHEN_EDITED if is_edit else SAME_SHAPE):
             return RESHAPED
-        if is_edit or (distance >= MIN_MOVED and not _fills_its_place(old, new)):
+        if is_edit or (distance >= MIN_MOVED and not fills_its_place(old.footprint, new.footprint)):
             return MOVED
     if is_edit and (old.tags != new.tags or _free(old.attributes) != _free(new.attributes)):
         return EDITED
     return None
-
-
-def _fills_its_place(old: SemanticObject, new: SemanticObject) -> bool:
-    """Return whether an object still fills most of its place, or is part of what it was.
-
-    So the end of a long shelf that was hidden before moves the centroid, but not the shelf.
-    """
-    shapes = valid_copies(as_objects([old.footprint, new.footprint]))
-    smaller = shapely.area(shapes).min()
-    return bool(shapely.area(shapely.intersection(*shapes)) >= _STILL_THERE * smaller)
 
 
 def _free(attributes: Mapping[str, Any]) -> dict[str, Any]:

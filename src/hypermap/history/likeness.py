@@ -22,6 +22,7 @@ MAY_BE = 0.3
 FARTHEST = 20.0
 """Meters that an object is moved at most."""
 
+_FILLED = 0.85  # share of the smaller of two shapes in the other one
 _TURNS = range(0, 180, 15)  # [degrees] by which it may be turned
 
 
@@ -36,6 +37,16 @@ def likeness(one: BaseGeometry, other: BaseGeometry) -> float:
     turned = as_objects(affinity.rotate(b, degrees, (ax, ay)) for degrees in _TURNS)
     shared = shapely.area(shapely.intersection(a, turned))
     return float((shared / (a.area + b.area - shared)).max())
+
+
+def fills_its_place(one: BaseGeometry, other: BaseGeometry) -> bool:
+    """Return whether an object still fills most of its place, or is part of what it was.
+
+    So the end of a long shelf that was hidden before moves the centroid, but not the shelf.
+    """
+    shapes = valid_copies(as_objects([one, other]))
+    smaller = shapely.area(shapes).min()
+    return bool(shapely.area(shapely.intersection(*shapes)) >= _FILLED * smaller)
 
 
 def distance_between(one: SemanticObject, other: SemanticObject) -> float:

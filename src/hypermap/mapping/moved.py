@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray, as_objects
-from hypermap.history.likeness import FARTHEST, MAY_BE, SAME_SHAPE, likeness
+from hypermap.history.likeness import FARTHEST, MAY_BE, SAME_SHAPE, fills_its_place, likeness
 from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import Fusion
 from hypermap.mapping.prepared_polygon import PreparedPolygon
@@ -326,7 +326,7 @@ def _is_elsewhere(
     left, taken = _only_in(was, here), _only_in(here, was)
     if shift < _LEAST or left.is_empty or not _saw(left, fresh):
         return False
-    if shift >= _PER_AREA * min(here.area, was.area):
+    if shift >= _PER_AREA * min(here.area, was.area) and not fills_its_place(here, was):
         return True
     return bool(taken.area >= _AS_MUCH * left.area) and _saw(taken, earlier)
 
