@@ -15,6 +15,7 @@ from pydantic import Field
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import FormatError, NoteError
+from hypermap.core.iso_times import time_from_iso
 from hypermap.core.layer import Store
 from hypermap.core.notes import Attachment, Note
 from hypermap.core.notes_layer import INSIDE_UP_TO, NotesLayer
@@ -224,7 +225,7 @@ def _parsed(content: bytes, path: str) -> _Collection:
 
 
 def _time(text: str) -> datetime:
-    moment = datetime.fromisoformat(text[:-1] + "+00:00" if text.endswith("Z") else text)
+    moment = time_from_iso(text)
     if moment.tzinfo is None:
         raise ValueError(f"the time {text!r} has no time zone")
     return moment

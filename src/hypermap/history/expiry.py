@@ -6,6 +6,7 @@ import logging
 from datetime import date, datetime, time
 
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.iso_times import time_from_iso
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 
 _log = logging.getLogger(__name__)
@@ -28,7 +29,7 @@ def expiry_of(item: SemanticObject) -> float | None:
         value = datetime.combine(value, time())
     try:
         if isinstance(value, str):
-            value = datetime.fromisoformat(value.strip().replace("Z", "+00:00"))
+            value = time_from_iso(value)
         if isinstance(value, datetime):
             return value.timestamp()  # without a zone, of this computer's
     except (ValueError, OverflowError, OSError):

@@ -9,6 +9,7 @@ from datetime import datetime
 from hypermap.core.errors import HypermapError
 from hypermap.core.history import MAP_VERSION, Change, Revision
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.iso_times import time_from_iso
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.value_layer import ValueLayer
 from hypermap.history.expiry import in_force
@@ -133,7 +134,7 @@ def _holding(layer: SemanticLayer, objects: dict[int | None, SemanticObject]) ->
 
 def _stamp(moment: datetime | str | float) -> float:
     if isinstance(moment, str):
-        moment = datetime.fromisoformat(moment.replace("Z", "+00:00"))
+        moment = time_from_iso(moment)
     stamp = moment.timestamp() if isinstance(moment, datetime) else float(moment)
     if math.isnan(stamp):
         raise ValueError("the time is NaN")

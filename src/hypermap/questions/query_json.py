@@ -8,6 +8,7 @@ from datetime import datetime, timezone
 from typing import Any
 
 from hypermap.core.errors import FormatError
+from hypermap.core.iso_times import time_from_iso
 from hypermap.questions.query import Condition, Measured, Number, Query, Reference, When
 
 _DEEPEST = 8  # references within each other
@@ -182,7 +183,7 @@ def parse_moment(value: Any, where: str) -> datetime:
         FormatError: If it is none; it begins with `where`.
     """
     try:
-        moment = datetime.fromisoformat(str(value).strip().replace("Z", "+00:00"))
+        moment = time_from_iso(str(value))
     except ValueError:
         raise FormatError(
             f"{where}: {str(value)[:40]!r} is not a date or time such as 2026-11-20T10:00+01:00"

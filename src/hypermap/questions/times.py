@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta
 
 from hypermap.core.errors import HypermapError
+from hypermap.core.iso_times import time_from_iso
 
 _DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 _UNITS = {"minute": 60, "min": 60, "hour": 3600, "day": 86400, "week": 604800}
@@ -37,7 +38,7 @@ _TIME = re.compile(
 
 
 _ZONED = re.compile(
-    r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d(?::\d\d(?:\.\d{3})?)?)(?: ?(?:Z|UTC)|([+-]\d\d:\d\d))"
+    r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)(?: ?(?:Z|UTC)|([+-]\d\d:?\d\d))"
 )
 
 _AS_OF = re.compile(rf",?\s*\bas of (?:{_MOMENT})(?![\w:-])\s*,?", re.IGNORECASE)
@@ -128,7 +129,7 @@ def parse_moment(text: str, option: str, now: datetime | None = None) -> datetim
     words = text.strip()
     if zoned := _ZONED.fullmatch(words):
         with contextlib.suppress(ValueError):  # as 2026-13-01 or 25:00
-            return datetime.fromisoformat(f"{zoned[1]}T{zoned[2]}{zoned[3] or '+00:00'}")
+            return time_from_iso(f"{zoned[1]}{zoned[2] or 'Z'}")
     short = re.fullmatch(r"(\d{1,4}) ?([a-z]+)", words.lower())
     if short and (unit := _SHORT.get(short[2]) or short[2].rstrip("s")) in _UNITS:
         words = f"{short[1]} {unit}s ago"

@@ -5,12 +5,12 @@ from __future__ import annotations
 import csv
 from array import array
 from collections.abc import Iterator, Sequence
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from hypermap.core.errors import FileMissing, FormatError, did_you_mean
+from hypermap.core.iso_times import time_from_iso
 from hypermap.core.moving_frames import Motion
 from hypermap.core.stamps import in_seconds
 from hypermap.recordings.samples.measured import Measured, checked, sensor_positions
@@ -158,7 +158,7 @@ def _stamp(text: str, name: str, path: Path, line: int) -> float:
     except FormatError:
         pass
     try:
-        return datetime.fromisoformat(text.strip().replace("Z", "+00:00")).timestamp()
+        return time_from_iso(text).timestamp()
     except (ValueError, OverflowError, OSError):
         message = f"{name}: {text!r} is no time, such as 1764237600.5 or 2025-11-27T10:00:00.5Z"
         raise FormatError(message, path=path, key=f"line {line}") from None

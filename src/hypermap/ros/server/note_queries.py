@@ -9,6 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import HypermapError, NoteError
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.iso_times import time_from_iso
 from hypermap.core.layer import Layer
 from hypermap.core.notes import Note, now
 from hypermap.core.notes_layer import NotesLayer
@@ -111,7 +112,7 @@ def _time(text: str) -> datetime | None:
     if not text:
         return None
     try:
-        moment = datetime.fromisoformat(text[:-1] + "+00:00" if text.endswith("Z") else text)
+        moment = time_from_iso(text)
     except ValueError:
         raise NoteError(f"{text[:40]!r} is not a time such as 2026-03-02T12:00:00+01:00") from None
     if moment.tzinfo is None:

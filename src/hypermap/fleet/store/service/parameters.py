@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from datetime import datetime, timezone
+from datetime import timezone
 
 from hypermap.core.errors import HypermapError
+from hypermap.core.iso_times import time_from_iso
 from hypermap.core.objects import MAX_ID
 from hypermap.fleet.store.service.collections import Filter
 
@@ -95,7 +96,7 @@ def _times(text: str) -> tuple[float | None, float | None]:
 
 def _stamp(text: str) -> float:
     try:
-        moment = datetime.fromisoformat(text.replace("Z", "+00:00").replace("z", "+00:00"))
+        moment = time_from_iso(text)
     except ValueError:
         raise BadRequest(
             f"datetime: expected a time such as 2026-11-25T10:00:00Z, got {text!r}"
