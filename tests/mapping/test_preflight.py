@@ -168,6 +168,7 @@ _AS_OTHERS_WRITE = {
     "opengl": lambda pose: pose * (1, -1, -1, 1),
     "world-to-camera": np.linalg.inv,
     "w-first": lambda pose: pose_matrix(pose[:3, 3], np.roll(quats_of(pose[None, :3, :3])[0], 1)),
+    "mirrored": lambda pose: np.diag([1, -1, 1, 1]) @ pose @ np.diag([1, -1, 1, 1]),
 }
 
 

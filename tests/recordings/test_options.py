@@ -82,7 +82,7 @@ def test_intrinsics_of_another_image_size_are_refused() -> None:
         (
             {"intrinsics": (481.2, -480, 319.5, 239.5)},
             "intrinsics: the focal lengths must be positive, got (481.2, -480); a negative fy "
-            "belongs to mirrored poses (docs/recordings.md)",
+            "belongs to --pose-convention mirrored",
         ),
         (
             {"map_T_world": [0] * 7},
@@ -116,7 +116,7 @@ def test_intrinsics_of_another_image_size_are_refused() -> None:
         (
             {"pose_convention": "robot"},
             "pose_convention must be one of optical, body, frd, opengl, world-to-camera, w-first, "
-            "got 'robot'",
+            "mirrored, got 'robot'",
         ),
         ({"depth_scale": 0}, "depth_scale must be positive, got 0"),
         ({"max_time_difference": -0.1}, "max_time_difference must be 0 .. 1 s, got -0.1"),

@@ -57,6 +57,65 @@ def test_jpeg_color_and_intrinsics_one_folder_up(folder: Path) -> None:
         np.testing.assert_array_equal(frame.color, np.asarray(image))
 
 
+def write_info(path: Path, **said: str) -> None:
+    """Write the file of 3RScan and BundleFusion that tells of both cameras."""
+    fx, fy, cx, cy = INTRINSICS
+    rest = "0 0 0 1 0 0 0 0 1"
+    color = f"{2 * fx} 0 {2 * cx + 0.5} 0 0 {2 * fy} {2 * cy + 0.5}"
+    lines = {
+        "m_versionNumber": "4",
+        "m_colorWidth": "64",
+        "m_colorHeight": "48",
+        "m_depthWidth": "32",
+        "m_depthHeight": "24",
+        "m_depthShift": "2000",
+        "m_calibrationColorIntrinsic": f"{color} {rest}",
+        "m_calibrationDepthIntrinsic": f"{fx} 0 {cx} 0 0 {fy} {cy} {rest}",
+    } | said
+    path.write_text("\n".join(f"{name} = {value} " for name, value in lines.items()))
+
+
+@pytest.mark.parametrize("name", ["_info.txt", "info.txt"])
+def test_3rscan_and_bundlefusion_tell_of_both_cameras_in_one_file(folder: Path, name: str) -> None:
+    (folder / "camera-intrinsics.txt").unlink()
+    write_info(folder / name)
+    for i, shot in enumerate(SHOTS):
+        Image.fromarray(shot.depth_mm).save(folder / f"frame-{i:06d}.depth.pgm")
+        (folder / f"frame-{i:06d}.depth.png").unlink()
+        with Image.open(folder / f"frame-{i:06d}.color.png") as image:
+            image.resize((64, 48), Image.Resampling.NEAREST).save(image.filename)
+    for frame, shot in zip(open_recording(folder).frames(), SHOTS, strict=True):
+        K = frame.camera.K
+        assert (K[0, 0], K[1, 1], K[0, 2], K[1, 2]) == INTRINSICS
+        np.testing.assert_array_equal(frame.color, shot.color)
+        with_return = np.isfinite(frame.depth)
+        assert with_return.any()
+        np.testing.assert_allclose(frame.depth[with_return], shot.depth_mm[with_return] / 2000)
+
+
+def test_another_file_named_info_is_no_file_of_intrinsics(folder: Path) -> None:
+    (folder / "info.txt").write_text("recorded on Monday\n")
+    assert open_recording(folder).info().missing == ()
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"m_calibrationDepthIntrinsic": "570 570 320 240"},
+        {"m_depthShift": "0"},
+        {"m_depthWidth": "many"},
+    ],
+)
+def test_intrinsics_that_are_none_are_an_error_that_names_the_file(
+    folder: Path, said: dict[str, str]
+) -> None:
+    (folder / "camera-intrinsics.txt").unlink()
+    write_info(folder / "info.txt", **said)
+    missing = open_recording(folder).info().missing[0]
+    assert missing.startswith(f"{folder}/info.txt: m_calibration")
+    assert "expected the 16 numbers of a 4 x 4 matrix" in missing
+
+
 def test_depth_of_0_and_65535_is_no_return(folder: Path) -> None:
     depth = SHOTS[0].depth_mm.copy()
     depth[2, 2:5] = 0, 65535, 65534
@@ -116,8 +175,9 @@ def remove_all(pattern: str) -> Callable[[Path], None]:
         (
             remove_all("camera-intrinsics.txt"),
             FileMissing,
-            "{}: there are no intrinsics, here or one folder up: expected camera-intrinsics.txt; "
-            "or give --intrinsics (the data set's page says 585,585,320,240)",
+            "{}: there are no intrinsics, here or one folder up: expected camera-intrinsics.txt, "
+            "_info.txt or info.txt; or give --intrinsics (the page of 7-Scenes says "
+            "585,585,320,240)",
         ),
         (
             text_of("camera-intrinsics.txt", "585 585 320 240"),

@@ -81,7 +81,7 @@ OPTIONS = {
         "CONVENTION",
         "What the recorded poses are: `optical` (default: x right, y down, z forward), `body` (x "
         "forward, z up), `frd` (x forward, z down), `opengl` (y up, z backward), `world-to-camera` "
-        "(the inverse), `w-first` (quaternions).",
+        "(the inverse), `w-first` (quaternions), `mirrored` (as of ICL-NUIM).",
     ),
     "time_offset": _Option(
         str,

@@ -230,7 +230,7 @@ class Preflight:
                 "optical axis",
                 "objects are mapped in different places from each image",
                 "if the camera is mounted upside down or on its side, correct its pose in tf"
-                + ("" if turn else "; or the poses are in another convention (--pose-convention)"),
+                + ("" if turn else "; or give --pose-convention mirrored (ICL-NUIM), or another"),
             )
         turned = 180 if -down < _UPSIDE_DOWN else 270 if right > _SIDEWAYS else 0
         turned = 90 if right < -_SIDEWAYS else turned

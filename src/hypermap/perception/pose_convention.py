@@ -24,6 +24,7 @@ CONVENTIONS: Mapping[str, str] = MappingProxyType(
         "opengl": "those of an OpenGL camera (x right, y up, z backward), as of ARKit or Blender",
         "world-to-camera": "inverse: those of the world in the camera's optical frame",
         "w-first": "quaternions in the order w, x, y, z",
+        "mirrored": "those of a mirrored world (y negated in it and in the image), as of ICL-NUIM",
     }
 )
 
@@ -33,6 +34,7 @@ _TO_OPTICAL = {
     "frd": np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
     "opengl": np.diag([1.0, -1, -1, 1]),
 }
+_MIRROR = np.diag([1.0, -1, 1, 1])
 
 
 def optical_poses(poses: NDArray[np.float64], convention: str) -> NDArray[np.float64]:
@@ -56,6 +58,8 @@ def optical_poses(poses: NDArray[np.float64], convention: str) -> NDArray[np.flo
         w, x, y, z = np.moveaxis(quats_of(poses[..., :3, :3].reshape(-1, 3, 3)), 1, 0)
         quats = np.stack([x, y, z, w], axis=1).reshape(*poses.shape[:-2], 4)
         return pose_matrix(poses[..., :3, 3], quats)
+    if convention == "mirrored":
+        return np.asarray(_MIRROR @ poses @ _MIRROR)
     return np.asarray(poses @ _TO_OPTICAL[convention])
 
 

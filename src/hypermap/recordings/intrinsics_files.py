@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ _MATRICES = (  # of depth; those of color are named alike
     "intrinsic_depth.txt",
     "intrinsics_depth.txt",
 )
+_INFO = ("_info.txt", "info.txt")  # of 3RScan and BundleFusion
+_LARGEST_INFO = 2**20  # bytes
 _JSON = ("cam_params.json", "camera_primesense.json", "camera_intrinsic.json", "intrinsic.json")
 
 
@@ -75,11 +77,11 @@ def depth_intrinsics(folder: Path) -> Intrinsics | None:
     """
     for path in _existing(folder, (*_MATRICES, *_JSON)):
         return _read_json(path) if path.suffix == ".json" else Intrinsics(path, _read_text(path))
-    return None
+    return _read_info(folder, "Depth")
 
 
 def color_intrinsics(folder: Path) -> Intrinsics | None:
-    """Return the intrinsics of color where they have a file of their own, as ScanNet's do.
+    """Return the intrinsics of color where a file has them apart from depth's, as ScanNet's do.
 
     Raises:
         FormatError: If the file does not contain intrinsics.
@@ -87,7 +89,7 @@ def color_intrinsics(folder: Path) -> Intrinsics | None:
     names = [name.replace("depth", "color") for name in _MATRICES if "depth" in name]
     for path in _existing(folder, names):
         return Intrinsics(path, _read_text(path))
-    return None
+    return _read_info(folder, "Color")
 
 
 def _existing(folder: Path, names: Sequence[str]) -> Iterator[Path]:
@@ -100,6 +102,41 @@ def _existing(folder: Path, names: Sequence[str]) -> Iterator[Path]:
 def _read_text(path: Path) -> NDArray[np.float64]:
     """Return a matrix of 3 x 3, or the part of one of 4 x 4, in a text file."""
     return read_matrix(path, 3, 4)[:3, :3]
+
+
+def _read_info(folder: Path, kind: str) -> Intrinsics | None:
+    """Return what the file that Voxel Hashing and its successors write says of a camera.
+
+    A file without intrinsics is another one that has this common name.
+    """
+    key = f"m_calibration{kind}Intrinsic"
+    for path in _existing(folder, _INFO):
+        if path.stat().st_size > _LARGEST_INFO:
+            continue
+        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+        said = {name.strip(): value for name, _, value in (line.partition("=") for line in lines)}
+        if key in said:
+            return _intrinsics_of(said, kind, path)
+    return None
+
+
+def _intrinsics_of(said: Mapping[str, str], kind: str, path: Path) -> Intrinsics:
+    key = f"m_calibration{kind}Intrinsic"
+    try:
+        K = np.array(said[key].split(), float).reshape(4, 4)[:3, :3]
+        scale = float(said["m_depthShift"]) if "m_depthShift" in said else None
+        names = [f"m_{kind.lower()}{side}" for side in ("Width", "Height")]
+        size = _size_in({name: said.get(name) for name in names}, *names)
+        if not np.isfinite(K).all() or (scale is not None and not 0 < scale < math.inf):
+            raise ValueError("a number is not one of a camera")
+    except ValueError:
+        raise FormatError(
+            "expected the 16 numbers of a 4 x 4 matrix, and the units of depth per meter as "
+            "m_depthShift; give --intrinsics",
+            path=path,
+            key=key,
+        ) from None
+    return Intrinsics(path, K, scale, size)
 
 
 def _read_json(path: Path) -> Intrinsics:

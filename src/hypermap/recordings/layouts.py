@@ -106,11 +106,11 @@ class FoundFiles:
 
 _SEVEN_SCENES = Layout(
     "7-Scenes",
-    Files(("",), re.compile(r"frame-(\d+)\.depth\.png"), "frame-*.depth.png"),
+    Files(("",), re.compile(r"frame-(\d+)\.depth\.(?:png|pgm)"), "frame-*.depth.png or .pgm"),
     Files(("",), re.compile(r"frame-(\d+)\.color\.(?:jpg|png)"), "frame-*.color.jpg or .color.png"),
     Files(("",), re.compile(r"frame-(\d+)\.pose\.txt"), "frame-*.pose.txt"),
-    intrinsics="expected camera-intrinsics.txt; or give --intrinsics (the data set's page says "
-    "585,585,320,240)",
+    intrinsics="expected camera-intrinsics.txt, _info.txt or info.txt; or give --intrinsics (the "
+    "page of 7-Scenes says 585,585,320,240)",
 )
 _NO_FILES = Files((), re.compile(r"(\d+)"), "")
 _REPLICA = Layout(

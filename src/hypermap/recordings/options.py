@@ -145,7 +145,7 @@ class RecordingOptions:
             if min(numbers[:2]) <= 0:
                 hint = ""
                 if numbers[1] < 0 < numbers[0]:  # as of ICL-NUIM
-                    hint = "; a negative fy belongs to mirrored poses (docs/recordings.md)"
+                    hint = "; a negative fy belongs to --pose-convention mirrored"
                 raise ValueError(
                     f"{name}: the focal lengths must be positive, got {numbers[:2]}{hint}"
                 )
