@@ -1,4 +1,4 @@
-"""The conversion that docs/recordings.md shows gives the recording that was converted."""
+"""The conversions that docs/recordings.md shows give the recordings that were converted."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from hypermap.recordings import RecordingOptions, open_recording
 
@@ -20,19 +22,79 @@ CAMERA = {"w": 2 * WIDTH, "h": 2 * HEIGHT, "fl_x": 20.0, "fl_y": 22.0, "cx": 8.0
 UP_BACKWARD = np.diag([1.0, -1, -1, 1])  # axes of an OpenGL camera in those of an optical frame
 
 
-@pytest.fixture
-def convert() -> Callable[[Path, Path], None]:
+def documented(name: str) -> Callable[..., None]:
     text = (ROOT / "docs/recordings.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     namespace: dict[str, Any] = {}
-    exec(next(block for block in blocks if "def convert(" in block), namespace)
-    found: Callable[[Path, Path], None] = namespace["convert"]
+    exec(next(block for block in blocks if f"def {name}(" in block), namespace)
+    found: Callable[..., None] = namespace[name]
     return found
+
+
+def written_poses() -> NDArray[np.float64]:
+    """Poses that turn and move about all axes, shape (FRAMES, 4, 4)."""
+    poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    turns = [[0.1, 0.2, 0.3], [0.2, -0.4, 0.3], [-0.5, 0.4, 0.6]]
+    poses[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
+    poses[:, :3, 3] = [[1, 2, 3], [1.5, 2, 3], [1.5, 2.5, 3.5]]
+    return poses
+
+
+def assert_reads(folder: Path, poses: NDArray[np.float64], options: RecordingOptions) -> None:
+    """Assert that a folder has these poses, in images of gray 50 i, at 1 + i / 1000 m."""
+    frames = list(open_recording(folder, options).frames())
+    assert len(frames) == len(poses)
+    for i, (frame, pose) in enumerate(zip(frames, poses, strict=True)):
+        np.testing.assert_allclose(frame.map_T_camera, pose, atol=1e-9)
+        np.testing.assert_allclose(frame.depth, 1 + i / 1000, rtol=1e-6)
+        np.testing.assert_allclose(frame.color, 50 * i, atol=2)
+        K = frame.camera.K
+        assert (K[0, 0], K[1, 1], K[0, 2], K[1, 2]) == pytest.approx((10, 11, 3.5, 2.75))
+
+
+def write_images(depth: Callable[[int], Path], color: Callable[[int], Path]) -> None:
+    for i in range(FRAMES):
+        for path in (depth(i), color(i)):
+            path.parent.mkdir(exist_ok=True)
+        Image.fromarray(np.full((HEIGHT, WIDTH), 1000 + i, np.uint16)).save(depth(i))
+        Image.fromarray(np.full((HEIGHT, WIDTH, 3), 50 * i, np.uint8)).save(color(i))
+
+
+def test_a_scan_of_arkitscenes_becomes_a_tum_folder(tmp_path: Path) -> None:
+    names = [f"40753679_{6790.5 + i / 10:.3f}.png" for i in range(FRAMES)]
+    write_images(
+        lambda i: tmp_path / "lowres_depth" / names[i],
+        lambda i: tmp_path / "lowres_wide" / names[i],
+    )
+    rows = [
+        (6790.5 + i / 10, *Rotation.from_matrix(pose[:3, :3]).as_rotvec(), *pose[:3, 3])
+        for i, pose in enumerate(np.linalg.inv(written_poses()))
+    ]
+    np.savetxt(tmp_path / "lowres_wide.traj", rows)
+    documented("add_to_arkitscenes")(tmp_path)
+    options = RecordingOptions(depth_scale=1000, intrinsics=(10, 11, 3.5, 2.75))
+    assert_reads(tmp_path, written_poses(), options)
+
+
+def test_a_scan_of_stray_scanner_becomes_a_recording_of_numbered_images(tmp_path: Path) -> None:
+    write_images(
+        lambda i: tmp_path / f"depth/{i:06d}.png",
+        lambda i: tmp_path / f"color/{i:06d}.png",  # as ffmpeg writes it, but without losses
+    )
+    lines = ["timestamp, frame, x, y, z, qx, qy, qz, qw"]
+    for i, pose in enumerate(written_poses()):
+        numbers = (*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat())
+        lines.append(f"{100 + i / 60}, {i:06d}, " + ", ".join(map(repr, map(float, numbers))))
+    (tmp_path / "odometry.csv").write_text("\n".join(lines))
+    K = "20.0, 0.0, 7.0\n0.0, 22.0, 5.5\n0.0, 0.0, 1.0\n"
+    (tmp_path / "camera_matrix.csv").write_text(K)
+    documented("add_to_stray")(tmp_path, (2 * WIDTH, 2 * HEIGHT), (WIDTH, HEIGHT))
+    assert_reads(tmp_path, written_poses(), RecordingOptions())
 
 
 @pytest.mark.parametrize("per_frame", [False, True])
 def test_transforms_json_becomes_a_recording_of_numbered_images(
-    convert: Callable[[Path, Path], None], tmp_path: Path, per_frame: bool
+    tmp_path: Path, per_frame: bool
 ) -> None:
     frames, poses = [], []
     for i in range(FRAMES):
@@ -51,7 +113,7 @@ def test_transforms_json_becomes_a_recording_of_numbered_images(
     capture = {"frames": frames} | ({} if per_frame else CAMERA)
     (tmp_path / "transforms.json").write_text(json.dumps(capture))
 
-    convert(tmp_path, tmp_path / "converted")
+    documented("convert")(tmp_path, tmp_path / "converted")
 
     options = RecordingOptions(pose_convention="opengl")
     read = list(open_recording(tmp_path / "converted", options).frames())
