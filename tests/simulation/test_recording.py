@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from hypermap.mapping.pose_graph import CorrectedRecording
 from hypermap.perception.frame import RgbdFrame
-from hypermap.perception.recording import Recording
+from hypermap.perception.recording import PendingRecording, Recording
 from hypermap.simulation import (
     EXACT_DEPTH,
     EXACT_DETECTOR,
@@ -58,6 +60,18 @@ def test_it_is_a_recording_whose_frames_carry_all_that_mapping_needs() -> None:
         assert np.nanmin(frame.depth) >= 0.4
         assert len(frame.detections) > 0
     assert every[-1].map_T_camera[:3, 3].tolist() == [1.5, 2, 1.2]
+
+
+def test_its_frames_can_be_corrected_like_those_of_files() -> None:
+    simulated: PendingRecording = SimulatedRecording(WORLD, rate=2)
+    moved = np.eye(4)
+    corrected = CorrectedRecording(simulated, {0.5: moved})
+    pending = list(corrected.pending())
+    for one, frame in zip(pending, simulated.frames(), strict=True):
+        assert one.stamp == frame.stamp
+        expected = frame.moved_to(moved) if frame.stamp == 0.5 else frame
+        assert np.array_equal(one.map_T_camera, expected.map_T_camera)
+        assert_same(pickle.loads(pickle.dumps(one)).load(), expected)
 
 
 def test_the_same_seed_gives_the_same_frames_each_time_they_are_asked_for() -> None:

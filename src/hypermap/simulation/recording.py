@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from hypermap.core.arrays import FloatArray
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.detections import Detections, Detector
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream
+from hypermap.perception.recording import OnBadFrame, PendingFrame, RecordingInfo, Stream
 from hypermap.simulation.bad_frames import FAULTS, draw_fault
 from hypermap.simulation.depth_noise import DepthNoise
 from hypermap.simulation.detector import DetectorNoise, NoisyDetector
@@ -146,6 +148,11 @@ class SimulatedRecording:
         if self._rendered is None:
             self._rendered = list(self._arriving())
         return iter(self._rendered)
+
+    def pending(self, on_bad: OnBadFrame | None = None) -> Iterator[PendingFrame]:
+        """Yield what `frames` yields, so that it can be used like a recording of files."""
+        for frame in self.frames(on_bad):
+            yield PendingFrame(frame.stamp, frame.map_T_camera, partial(copy, frame))
 
     def _arriving(self) -> Iterator[RgbdFrame]:
         """Yield the frames that arrive, good or bad."""
