@@ -114,6 +114,17 @@ def test_mapping_logs_what_diff_would_show_and_an_edit_everything() -> None:
         assert revision.drive == ("" if mapped is None else "day2")
 
 
+@pytest.mark.parametrize(("by", "kinds"), [(0.24, []), (0.26, ["moved"])])
+def test_a_move_of_0_3_m_is_told_though_the_map_shows_somewhat_less(
+    by: float, kinds: list[str]
+) -> None:
+    hypermap = office()
+    moved(hypermap, 1, by)
+    assert hypermap.history is not None
+    hypermap.history = dataclasses.replace(hypermap.history, mapped=Mapped("day2", MONDAY))
+    assert [change.kind for change in revisions(grown(hypermap, MONDAY))[0].changes] == kinds
+
+
 @pytest.mark.parametrize(("says", "kind"), [(True, "moved"), (False, "reshaped")])
 def test_what_mapping_has_found_to_be_moved_is_so_though_its_outline_differs(
     says: bool, kind: str

@@ -25,7 +25,7 @@ from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.history.expiry import expiry_of
 from hypermap.history.likeness import (
-    MIN_MOVED,
+    MIN_SHIFT,
     SAME_SHAPE,
     distance_between,
     fills_its_place,
@@ -143,12 +143,12 @@ def _kind(old: SemanticObject, new: SemanticObject, distance: float, cause: Caus
     if old.name != new.name:
         return RENAMED
     if not shapely.equals_exact(old.footprint, new.footprint, _TOLERANCE):
-        if distance >= MIN_MOVED and is_said_to_have_moved(old, new):
+        if distance >= MIN_SHIFT and is_said_to_have_moved(old, new):
             return MOVED  # mapping has compared the evidence of both places, not one view's shapes
         alike = likeness(old.footprint, new.footprint)
         if alike < (_SAME_WHEN_EDITED if is_edit else SAME_SHAPE):
             return RESHAPED
-        if is_edit or (distance >= MIN_MOVED and not fills_its_place(old.footprint, new.footprint)):
+        if is_edit or (distance >= MIN_SHIFT and not fills_its_place(old.footprint, new.footprint)):
             return MOVED
     if is_edit and (old.tags != new.tags or _free(old.attributes) != _free(new.attributes)):
         return EDITED

@@ -13,6 +13,9 @@ from hypermap.core.shapes import valid_copies
 MIN_MOVED = 0.3
 """Meters; nearer objects of one name are the same one in the same place."""
 
+MIN_SHIFT = 0.25
+"""Meters from which on a known object of a map has moved: by 0.3 m, which maps measure to 5 cm."""
+
 SAME_SHAPE = 0.5
 """Likeness from which on two shapes of one object are the same."""
 
