@@ -35,3 +35,14 @@ def free_port() -> int:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(("127.0.0.1", port))
             return port
+
+
+def is_missing(service: str) -> bool:
+    """Return whether no node offers a service."""
+    from hypermap.ros.ros1.libraries import rosgraph
+
+    try:
+        rosgraph.Master("/test").lookupService(service)
+    except rosgraph.MasterError:
+        return True
+    return False

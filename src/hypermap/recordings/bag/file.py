@@ -115,7 +115,7 @@ class BagFile:
                 if not wanted:
                     continue
                 if as_written and isinstance(reader, rosbag1.Reader):
-                    read_as_written(reader)
+                    read_as_written(reader, wanted)
                 for connection, log_time, data in reader.messages(wanted):
                     try:
                         message = self._decode(part, connection, data)

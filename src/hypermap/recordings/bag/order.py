@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import chain
 
 import numpy as np
+from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import IndexData
 
 _BACK = 1_000_000_000  # [ns] by which times go back where a clock was set, or time began again
 
 
-def read_as_written(reader: Reader) -> None:
+def read_as_written(reader: Reader, wanted: Iterable[Connection]) -> None:
     """Let a reader yield messages in the order in which they lie in the file, if times go back.
 
     A reader merges its indexes, and takes the least entry first: of time, or now of place.
 
     Args:
         reader: open.
+        wanted: what is read.
     """
-    entries = list(chain.from_iterable(reader.indexes.values()))
-    time, chunk, offset = np.array(entries, dtype=np.int64).reshape(-1, 3).T
+    indexes = {connection.id: reader.indexes[connection.id] for connection in wanted}
+    numbers = chain.from_iterable(chain.from_iterable(indexes.values()))
+    time, chunk, offset = np.fromiter(numbers, np.int64).reshape(-1, 3).T
     if (np.diff(time[np.lexsort((offset, chunk))]) > -_BACK).all():
         return
-    for connection, index in reader.indexes.items():
+    for connection, index in indexes.items():
         reader.indexes[connection] = sorted(_Place(*entry) for entry in index)
 
 

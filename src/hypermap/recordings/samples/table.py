@@ -160,8 +160,12 @@ def _stamp(text: str, name: str, path: Path, line: int) -> float:
     try:
         return time_from_iso(text).timestamp()
     except (ValueError, OverflowError, OSError):
-        message = f"{name}: {text!r} is no time, such as 1764237600.5 or 2025-11-27T10:00:00.5Z"
-        raise FormatError(message, path=path, key=f"line {line}") from None
+        raise FormatError(
+            f"{name}: {text!r} is no time, such as 1764237600.5 or 2025-11-27T10:00:00.5Z; columns "
+            "of other names are left out",
+            path=path,
+            key=f"line {line}",
+        ) from None
 
 
 def _number(text: str, name: str, path: Path, line: int) -> float:
