@@ -86,6 +86,18 @@ def test_a_time_may_have_seconds_and_a_zone(text: str) -> None:
     assert moment == datetime(2026, 11, 20, 10, 0, 30, tzinfo=NOW.tzinfo)
 
 
+@pytest.mark.parametrize("text", ["2026-11-20T10:00:00.5", "2026-11-20 10:00:00,500000000"])
+def test_a_fraction_of_a_second_needs_no_zone(text: str) -> None:
+    moment = parse_moment(text, "--as-of", NOW)
+    assert moment == datetime(2026, 11, 20, 10, 0, 0, 500_000, tzinfo=NOW.tzinfo)
+    assert parse_moment(text, "--as-of") == datetime(2026, 11, 20, 10, 0, 0, 500_000).astimezone()
+
+
+def test_the_last_day_of_the_calendar_is_no_time() -> None:
+    with pytest.raises(HypermapError, match="--at '9999-12-31': expected a time"):
+        parse_moment("9999-12-31", "--at")
+
+
 def test_a_day_with_a_zone_that_does_not_exist_is_an_error() -> None:
     with pytest.raises(HypermapError, match="--since '2026-02-30T10:00Z': expected a time"):
         parse_moment("2026-02-30T10:00Z", "--since", NOW)

@@ -37,8 +37,8 @@ _TIME = re.compile(
 )
 
 
-_ZONED = re.compile(
-    r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)(?: ?(?:Z|UTC)|([+-]\d\d:?\d\d))"
+_ISO = re.compile(
+    r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)(?: ?(Z|UTC)|([+-]\d\d:?\d\d))?"
 )
 
 _AS_OF = re.compile(rf",?\s*\bas of (?:{_MOMENT})(?![\w:-])\s*,?", re.IGNORECASE)
@@ -127,9 +127,10 @@ def parse_moment(text: str, option: str, now: datetime | None = None) -> datetim
     '2026-11-22T00:00:00+00:00'
     """
     words = text.strip()
-    if zoned := _ZONED.fullmatch(words):
+    if iso := _ISO.fullmatch(words):
         with contextlib.suppress(ValueError):  # as 2026-13-01 or 25:00
-            return time_from_iso(f"{zoned[1]}{zoned[2] or 'Z'}")
+            moment = time_from_iso(f"{iso[1]}{'Z' if iso[2] else iso[3] or ''}")
+            return moment if moment.tzinfo else _Clock.at(now).here(moment)
     short = re.fullmatch(r"(\d{1,4}) ?([a-z]+)", words.lower())
     if short and (unit := _SHORT.get(short[2]) or short[2].rstrip("s")) in _UNITS:
         words = f"{short[1]} {unit}s ago"
@@ -176,7 +177,7 @@ class _Clock:
         """Return the moment that was found; None if there is no such time."""
         try:
             return self._moment(_lowered(found))
-        except ValueError:  # as 2026-13-01 or 25:00
+        except (ValueError, OverflowError):  # as 2026-13-01, 25:00 or 9999-12-31
             return None
 
     def span_of(self, found: re.Match[str]) -> Span | None:
@@ -191,7 +192,7 @@ class _Clock:
             if parts["bare"]:
                 return Span(text, *self._day(parts["bare"]))
             moment = self._moment(parts)
-        except ValueError:  # as 2026-13-01 or 25:00
+        except (ValueError, OverflowError):  # as 2026-13-01, 25:00 or 9999-12-31
             return None
         if parts["how"] in ("before", "until"):
             return Span(text, until=moment)
@@ -233,7 +234,10 @@ class _Clock:
         return self._at(day), self._at(day + timedelta(days=1))
 
     def _at(self, day: date, clock: time = time(0)) -> datetime:
-        local = datetime.combine(day, clock)
+        return self.here(datetime.combine(day, clock))
+
+    def here(self, local: datetime) -> datetime:
+        """Return a time without a zone with that of this clock."""
         # Of here, summer and winter time are known.
         return local.astimezone() if self._is_here else local.replace(tzinfo=self._now.tzinfo)
 

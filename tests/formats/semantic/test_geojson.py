@@ -119,9 +119,20 @@ def test_gis_programs_may_leave_open_rings_nulls_and_ids_of_their_own() -> None:
     (item,) = from_geojson(json.dumps(document)).objects()
     assert item.id == 9
     assert item.footprint.equals(CUP.footprint)
-    feature["id"] = "feature-1"
+
+
+@pytest.mark.parametrize("theirs", ["way/1205", "7", -3, 2**70, 0.5])
+def test_an_id_that_is_no_number_of_ours_is_kept_as_an_attribute(theirs: object) -> None:
+    feature = {"type": "Feature", "id": theirs, "geometry": shapely.geometry.mapping(CUP.footprint)}
+    feature["properties"] = {"name": "cup"}
+    document = {"type": "FeatureCollection", "frame_id": "lab", "features": [feature]}
+    layer = from_geojson(json.dumps(document))
+    (item,) = layer.objects()
+    assert (item.id, item.attributes) == (0, {"feature_id": theirs})
+    assert_same_layer(from_geojson(to_geojson(layer)), layer)
+    feature["properties"] = {"name": "cup", "id": 7}  # as in our file once GeoPandas has written it
     (item,) = from_geojson(json.dumps(document)).objects()
-    assert item.id == 0
+    assert (item.id, item.attributes) == (7, {})
 
 
 def test_a_property_that_is_null_is_no_attribute_and_what_is_none_stays_so() -> None:

@@ -189,8 +189,9 @@ def _object(raw: Any, path: str | None, position: int, with_heights: list[str]) 
         with_heights.append(place)
     properties = {k: value for k, value in (feature.properties or {}).items() if value is not None}
     _check_names(properties, path, f"{place}.properties")
-    if "id" not in properties and type(feature.id) is int and 0 <= feature.id <= MAX_ID:
-        properties["id"] = feature.id
+    if "id" not in properties and feature.id is not None:
+        is_ours = type(feature.id) is int and 0 <= feature.id <= MAX_ID
+        properties.setdefault("id" if is_ours else "feature_id", feature.id)
     try:
         return object_from_record(properties, footprint)
     except ValueError as error:
