@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +20,7 @@ from hypermap.experiments.installed_methods import (
     installed_names,
 )
 from hypermap.experiments.methods import OURS, chosen_methods, named_method, settings_of
+from hypermap.experiments.parallel import in_processes
 from hypermap.mapping.config import MappingConfig, profile
 from hypermap.mapping.stages import KeyframeConfig
 from hypermap.simulation import errors_of_level
@@ -24,11 +28,16 @@ from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, World, WorldObject
 from hypermap.testing import assert_same_objects
 
+from ..cli.conftest import Result
+from ..cli.conftest import hypermap as hypermap
 from ..installed import install_package
 
 PACKAGE = '''
+import sys
+
 import shapely
 from hypermap import SemanticObject
+from hypermap.core.errors import HypermapError
 from hypermap.mapping.config import profile
 
 SLOW = profile("thesis")
@@ -78,6 +87,16 @@ class Fails(Boxes):
         raise OwnError("frame", "bad")
 
 
+class Quits(Boxes):
+    def add(self, frame):
+        sys.exit("no GPU")
+
+
+class Refuses(Boxes):
+    def objects(self):
+        raise HypermapError("no model")
+
+
 class OwnError(Exception):  # which no other process can read
     def __init__(self, what, why):
         super().__init__(f"{why} {what}")
@@ -98,6 +117,8 @@ POINTS = {
     "names": "box_mapper:Names",
     "fails": "box_mapper:Fails",
     "empty": "box_mapper:Empty",
+    "quits": "box_mapper:Quits",
+    "refuses": "box_mapper:Refuses",
 }
 
 
@@ -199,13 +220,46 @@ def test_what_is_no_method_is_said(word: str, message: str) -> None:
         ("fails", "Fails): add() failed at 0 s on world test, seed 3: OwnError: bad frame (line"),
         ("empty", "Empty): objects() failed on world test, seed 3: TypeError: 'NoneType' object"),
         ("names", "Names): objects() must give SemanticObjects, gave str"),
+        ("quits", "Quits): add() failed at 0 s on world test, seed 3: SystemExit: no GPU (line"),
+        ("refuses", "Refuses): objects() failed on world test, seed 3: HypermapError: no model"),
     ],
 )
 @pytest.mark.usefixtures("installed")
-def test_a_method_that_does_not_work_is_named(word: str, message: str) -> None:
-    with pytest.raises(HypermapError) as error:
-        map_drive(drive(), dict([named_method(word)]))
-    assert str(error.value).startswith(f"method '{word}' (box_mapper:{message}")
+def test_a_method_that_does_not_work_is_named_and_the_others_are_mapped(
+    word: str, message: str
+) -> None:
+    mapped = map_drive(drive(), dict([named_method(word), named_method("boxes")]))
+    assert list(mapped.objects) == ["boxes"]
+    assert list(mapped.failed) == [word]
+    assert mapped.failed[word].startswith(f"method '{word}' (box_mapper:{message}")
+
+
+@pytest.mark.usefixtures("installed")
+def test_what_a_signal_ends_is_no_fault_of_a_method(monkeypatch: pytest.MonkeyPatch) -> None:
+    def end(run: object, frame: object) -> None:
+        raise SystemExit(143)  # as at SIGTERM
+
+    methods = dict([named_method("boxes")])
+    monkeypatch.setattr(sys.modules["box_mapper"].Boxes, "add", end)
+    with pytest.raises(SystemExit):
+        map_drive(drive(), methods)
+
+
+@pytest.mark.usefixtures("installed")
+def test_an_experiment_saves_the_figures_of_methods_that_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hypermap: Callable[..., Result]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    few = ["--worlds", "demo", "--seeds", "1", "--rate", "0.1", "--jobs", "1"]
+    methods = ["--methods", "default", "--method", "quits"]
+    result = hypermap("experiment", "thesis", *few, *methods)
+    assert result.code == 2
+    why = "method 'quits' (box_mapper:Quits): add() failed at 0 s on world demo, seed 1000: "
+    assert f"error: {why}" in result.err
+    data = json.loads(Path("thesis.json").read_text())
+    assert list(data["worlds"][0]["methods"]) == ["default"]
+    assert data["failed"]["quits"].startswith(why)
+    assert Path("thesis.html").exists()
 
 
 def test_of_two_packages_with_a_method_of_one_name_none_is_taken(installed: Path) -> None:
@@ -267,3 +321,8 @@ def test_two_methods_have_two_names(tmp_path: Path) -> None:
     for words in ("all", "best"):  # nor is one taken for ours
         with pytest.raises(HypermapError, match="a method 'default' already; rename it"):
             chosen_methods(words, [str(file)])
+
+
+def test_a_process_that_dies_is_an_error() -> None:
+    with pytest.raises(HypermapError, match="a process died over a drive, for want of memory"):
+        list(in_processes(os._exit, [3, 3], 2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
 from collections.abc import Mapping
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from hypermap.cli.progress import counting
 from hypermap.cli.simulate import errors_of, world_of
+from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
@@ -145,7 +147,13 @@ class Plan:
         return f"hypermap experiment {self.name} {options} --rate {self.rate:g}"
 
     def map(self, methods: Mapping[str, Method]) -> list[WorldResult]:
-        """Map all drives by all methods, and return the results, world by world."""
+        """Map all drives by all methods, and return the results, world by world.
+
+        A method of a package that fails on a drive is not in the results; a note says why.
+
+        Raises:
+            HypermapError: If each method has failed.
+        """
         from hypermap.experiments.drives import SimulatedDrive, map_drives
         from hypermap.experiments.results import WorldResult
         from hypermap.simulation import varied
@@ -156,12 +164,21 @@ class Plan:
             for seed in self.seed_range
         ]
         mapped: list[Mapped] = []
-        with counting("mapping", len(drives), "drives") as count:
-            for done in map_drives(drives, methods, self.jobs):
-                mapped.append(done)
+        failed: dict[str, str] = {}
+        with (
+            counting("mapping", len(drives), "drives") as count,
+            contextlib.closing(map_drives(drives, methods, self.jobs)) as done,
+        ):
+            for each in done:
+                for name in each.failed.keys() - failed.keys():
+                    failed[name] = each.failed[name]
+                    if len(failed) == len(methods):
+                        raise HypermapError(failed[name])
+                    note(f"{failed[name]}; its figures are left out")
+                mapped.append(each)
                 count()
         return [
-            WorldResult.of([each for each in mapped if each.drive.world.name == world.name])
+            WorldResult.of([each for each in mapped if each.drive.world.name == world.name], failed)
             for world in self.described_worlds
         ]
 

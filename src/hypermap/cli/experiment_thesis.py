@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from hypermap.cli.experiment_plan import Plan
 from hypermap.cli.experiment_tables import check_outputs, show, tables_folder
 from hypermap.cli.terminal import say, say_json
+from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.experiments.results import Data
@@ -19,6 +20,7 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     from hypermap.experiments.figures import made_with, to_data
     from hypermap.experiments.methods import chosen_methods
     from hypermap.experiments.report import write_report
+    from hypermap.experiments.results import failures
     from hypermap.experiments.tables import save_tables
     from hypermap.experiments.thesis_tables import tables_of
     from hypermap.formats.atomic import write_file
@@ -29,6 +31,8 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     check_outputs(output, replace)
     results = plan.map(methods)
     data = {**to_data(results), "command": plan.command, "made_with": made}
+    if failed := failures(results):
+        data["failed"] = failed
     figures = output.with_suffix(".json")
     write_file(figures, json.dumps(data, indent=1).encode())  # first, as it has everything
     tables = [table for world in data["worlds"] for table in tables_of(world)]
@@ -36,10 +40,12 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
     write_report(results, data, output, plan.command)
     if as_json:
         say_json(data)
-        return
-    for world in data["worlds"]:
-        _show(world)
-    say(f"\nreport   {output}\nfigures  {figures}\ntables   {tables_folder(output)}")
+    else:
+        for world in data["worlds"]:
+            _show(world)
+        say(f"\nreport   {output}\nfigures  {figures}\ntables   {tables_folder(output)}")
+    if failed:
+        raise HypermapError("; ".join(failed.values()))
 
 
 def _show(world: Data) -> None:

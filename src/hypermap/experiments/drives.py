@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TypeAlias
+from operator import methodcaller
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.pose_errors import PoseErrors, pose_errors
+from hypermap.experiments.installed_methods import MappingRun, MethodFailed
 from hypermap.experiments.methods import Method
 from hypermap.experiments.parallel import in_processes
 from hypermap.mapping.alignment import Aligner
@@ -29,6 +31,9 @@ from hypermap.perception.observation import Observation
 from hypermap.perception.observe import observe
 from hypermap.simulation import Errors, SimulatedRecording, World, network_detector
 from hypermap.simulation.sightings import Sightings
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,7 @@ class Mapped:
         sightings: how often the drive showed each true object, and its detections did.
         poses: errors of the poses that each configuration was given, and of those that it mapped
             from, by the method's name.
+        failed: why methods of packages failed, by their names; they have no objects.
     """
 
     drive: SimulatedDrive
@@ -70,6 +76,7 @@ class Mapped:
     objects: Mapping[str, tuple[SemanticObject, ...]]
     sightings: Sightings
     poses: Mapping[str, tuple[PoseErrors, PoseErrors]] = field(default_factory=dict)
+    failed: Mapping[str, str] = field(default_factory=dict)
 
 
 def map_drive(drive: SimulatedDrive, methods: Mapping[str, Method]) -> Mapped:
@@ -88,23 +95,44 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, Method]) -> Mapped:
     occupancy = recording.occupancy()
     assert occupancy is not None  # it has one by default
     looks = _Looks(occupancy, recording.true_poses)
-    runs = {
-        name: _ConfiguredRun(method, occupancy, looks)
-        if isinstance(method, MappingConfig)
-        else method.start(occupancy, f"world {drive.world.name}, seed {drive.seed}")
-        for name, method in methods.items()
-    }
+
+    def start(method: Method) -> MappingRun:
+        if isinstance(method, MappingConfig):
+            return _ConfiguredRun(method, occupancy, looks)
+        return method.start(occupancy, f"world {drive.world.name}, seed {drive.seed}")
+
+    failed: dict[str, str] = {}
+    runs = _attempted(methods, start, failed)
     for frame in recording.frames():
         looks.turn_to(frame)
-        for run in runs.values():
-            run.add(frame)
-    objects = {name: tuple(run.objects()) for name, run in runs.items()}
+        _attempted(runs, methodcaller("add", frame), failed)
+    objects = _attempted(runs, lambda run: tuple(run.objects()), failed)
     poses = {
         name: looks.pose_errors(method)
         for name, method in methods.items()
         if isinstance(method, MappingConfig)
     }
-    return Mapped(drive, len(recording), objects, recording.sightings, poses)
+    return Mapped(drive, len(recording), objects, recording.sightings, poses, failed)
+
+
+def _attempted(
+    items: Mapping[str, Item], do: Callable[[Item], Result], failed: dict[str, str]
+) -> dict[str, Result]:
+    """Return what becomes of each method that does not fail.
+
+    Args:
+        items: what there is of each method, by its name.
+        do: done to each.
+        failed: why methods have failed, by their names; these are left out, and more are added.
+    """
+    done: dict[str, Result] = {}
+    for name, item in items.items():
+        if name not in failed:
+            try:
+                done[name] = do(item)
+            except MethodFailed as error:
+                failed[name] = str(error)
+    return done
 
 
 @dataclass(frozen=True)
@@ -197,7 +225,7 @@ class _ConfiguredRun:
 
 def map_drives(
     drives: Sequence[SimulatedDrive], methods: Mapping[str, Method], jobs: int
-) -> Iterator[Mapped]:
+) -> Generator[Mapped, None, None]:
     """Yield what becomes of each drive, in the order in which they are done.
 
     Args:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import signal
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,6 +18,11 @@ from hypermap.mapping.config import MappingConfig
 from hypermap.perception.frame import RgbdFrame
 
 ENTRY_POINT_GROUP = "hypermap.methods"
+_BY_SIGNAL = {128 + number for number in signal.valid_signals()}  # exit codes
+
+
+class MethodFailed(HypermapError):
+    """A method of a package has failed on a drive."""
 
 
 class MappingRun(Protocol):
@@ -52,15 +58,15 @@ class InstalledMethod:
     def start(self, occupancy: OccupancyLayer, drive: str) -> MappingRun:
         """Return a new run.
 
-        Whatever goes wrong in the package is a HypermapError that names the method and the drive,
-        so that it can travel from one process to another.
+        Whatever goes wrong in the package is an error that names the method and the drive, so that
+        it can travel from one process to another.
 
         Args:
             occupancy: the map of the drive, which is read-only.
             drive: what errors call it.
 
         Raises:
-            HypermapError: If the package fails to.
+            MethodFailed: If the package fails to.
         """
         starts_run: StartsRun = _loaded(_found(self.name))
         with _named(self, "cannot start", drive):
@@ -74,12 +80,14 @@ class InstalledMethod:
 
 @contextmanager
 def _named(method: InstalledMethod, what: str, drive: str) -> Iterator[None]:
-    """Turn what a package raises into a HypermapError."""
+    """Turn what a package raises into a MethodFailed."""
     try:
         yield
-    except (HypermapError, MemoryError):
+    except MemoryError:
         raise
-    except Exception as error:  # whatever the package raises
+    except (Exception, SystemExit) as error:  # whatever the package raises
+        if isinstance(error, SystemExit) and error.code in _BY_SIGNAL:
+            raise  # it is the user who ends the experiment
         last = traceback.extract_tb(error.__traceback__)[-1]
         why = f"{what} on {drive}: {_words(error)} (line {last.lineno} of {last.filename})"
         raise _cannot(method.name, method.source, why) from error
@@ -163,15 +171,15 @@ def _found(name: str) -> EntryPoint:
 def _loaded(entry: EntryPoint) -> Any:
     try:
         return entry.load()
-    except (HypermapError, MemoryError):
+    except MemoryError:
         raise
-    except Exception as error:  # whatever the package raises when it is imported
+    except (Exception, SystemExit) as error:  # whatever the package raises when it is imported
         raise _cannot(entry.name, entry.value, f"cannot be loaded: {_words(error)}") from error
 
 
-def _cannot(name: str, source: str, why: str) -> HypermapError:
-    return HypermapError(f"method {name!r} ({source}): {why}")
+def _cannot(name: str, source: str, why: str) -> MethodFailed:
+    return MethodFailed(f"method {name!r} ({source}): {why}")
 
 
-def _words(error: Exception) -> str:
+def _words(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"

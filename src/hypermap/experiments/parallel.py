@@ -5,7 +5,10 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
+
+from hypermap.core.errors import HypermapError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -20,6 +23,9 @@ def in_processes(
         work: done to each item; can be pickled, as items and results.
         items: what there is to do.
         jobs: how many are worked on at the same time, each in a process of its own; 1 for here.
+
+    Raises:
+        HypermapError: If such a process dies.
     """
     if jobs == 1:
         yield from map(work, items)
@@ -34,6 +40,11 @@ def in_processes(
                 starting = [starter.submit(pool.submit, work, item) for item in items]
             for done in as_completed([future.result() for future in starting]):
                 yield done.result()
+        except BrokenProcessPool as error:
+            raise HypermapError(
+                "a process died over a drive, for want of memory or by a fault of a library; with "
+                "--jobs 1 there is only this one"
+            ) from error
         except BaseException:  # Ctrl-C or SIGTERM, of which not all of them need hear
             pool.shutdown(wait=False, cancel_futures=True)
             for child in multiprocessing.active_children():

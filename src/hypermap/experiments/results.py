@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,8 +61,8 @@ class WorldResult:
     evaluations: Mapping[str, tuple[Evaluation, ...]]
 
     @classmethod
-    def of(cls, mapped: Sequence[Mapped]) -> WorldResult:
-        """Return the result of drives through the same world."""
+    def of(cls, mapped: Sequence[Mapped], without: Container[str] = ()) -> WorldResult:
+        """Return the result of drives through the same world, without some methods."""
         by_seed = tuple(sorted(mapped, key=lambda m: m.drive.seed))
         truths = [tuple(true_objects(m.drive.world).objects()) for m in by_seed]
         evaluations = {
@@ -70,6 +70,7 @@ class WorldResult:
                 evaluate(m.objects[name], truth) for m, truth in zip(by_seed, truths, strict=True)
             )
             for name in mapped[0].objects
+            if name not in without
         }
         return cls(by_seed[0].drive.world, truths[0], by_seed, evaluations)
 
@@ -170,6 +171,12 @@ class WorldResult:
                     gain = a - b if measure == "iou" else b - a
                     gains.setdefault(closest.ground_truth, []).append(gain)
         return np.array([np.mean(gains[thing]) for thing in sorted(gains)])
+
+
+def failures(results: Iterable[WorldResult]) -> dict[str, str]:
+    """Return why methods have failed on a drive, by their names; they are not in the results."""
+    mapped = [each for result in results for each in result.mapped]
+    return {name: why for each in reversed(mapped) for name, why in each.failed.items()}
 
 
 def mean(values: Sequence[float | None]) -> float | None:
