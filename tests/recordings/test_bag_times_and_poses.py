@@ -107,12 +107,13 @@ def test_a_transform_that_is_recorded_too_seldom_is_named(
     assert bool(info.missing) == (not known)
 
 
-def test_a_ros_1_bag_in_which_time_began_again_is_read_in_the_order_of_the_file(
-    tmp_path: Path,
+def test_a_bag_in_which_time_began_again_is_read_in_the_order_of_the_file(
+    tmp_path: Path, kind: str
 ) -> None:
     """By its times of recording, the two runs would alternate, and so would their poses."""
-    with BagBuilder(tmp_path, "ros1") as bag:
+    with BagBuilder(tmp_path, kind) as bag:
         for x in (0, 5):
+            bag.add("/log", "std_msgs/msg/String", START, {"data": "x" * 2**20})  # ends a chunk
             for tenth in range(40):
                 stamp = START + tenth * 10**8 + x  # no stamp is there twice
                 bag.add_tf("/tf", stamp, "map", "camera", (x, 0, 1))

@@ -13,6 +13,8 @@ from hypermap.core.trajectory import pose_matrix
 from .fake_rclpy_values import DurabilityPolicy, Duration, QoSProfile, Time
 from .strict_messages import StrictTypes
 
+_KEPT = 10 * 10**9  # [ns]; older transforms are refused
+
 
 class TransformException(Exception):
     pass
@@ -56,8 +58,7 @@ class Buffer:
     def _at(self, frame: str, time: Time) -> Any:
         """Return a transform of that very time, or the latest; this tf does not interpolate."""
         for message in reversed(self.known[frame]):
-            stamp = message.header.stamp
-            if time.nanoseconds in (0, stamp.sec * 10**9 + stamp.nanosec):
+            if time.nanoseconds in (0, _stamp(message)):
                 return message
         raise TransformException("Lookup would require extrapolation into the future.")
 
@@ -76,18 +77,24 @@ class Buffer:
 class TransformListener:
     def __init__(self, buffer: Buffer, node: Any, *, spin_thread: bool = False) -> None:
         kind = buffer.types.message("tf2_msgs/TFMessage")
-        node.create_subscription(kind, "/tf", self._take, QoSProfile(depth=100))
+        node.create_subscription(kind, "/tf", self.callback, QoSProfile(depth=100))
         late = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(kind, "/tf_static", self._take_static, late)
         self.buffer = buffer
 
-    def _take(self, message: Any) -> None:
-        for transform in message.transforms:
-            self.buffer.known.setdefault(transform.child_frame_id, []).append(transform)
+    def callback(self, data: Any) -> None:
+        for transform in data.transforms:
+            known = self.buffer.known.setdefault(transform.child_frame_id, [])
+            if not known or _stamp(transform) >= max(map(_stamp, known)) - _KEPT:
+                known.append(transform)
 
     def _take_static(self, message: Any) -> None:
         for transform in message.transforms:
             self.buffer.fixed[transform.child_frame_id] = transform
+
+
+def _stamp(transform: Any) -> int:
+    return int(transform.header.stamp.sec * 10**9 + transform.header.stamp.nanosec)
 
 
 def _matrix(transform: Any) -> Any:

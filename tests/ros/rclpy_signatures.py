@@ -115,6 +115,10 @@ SIGNATURES = {
         "tf_static_topic='/tf_static', static_only=False)",
         "tf2_ros_py/tf2_ros/transform_listener.py, 0550b77",
     ),
+    "tf2_ros.TransformListener.callback": (
+        "(self, data)",
+        "tf2_ros_py/tf2_ros/transform_listener.py, 0550b77",
+    ),
 }
 
 # What no class of the table has, and the module or class that has it.

@@ -289,6 +289,20 @@ def test_a_clock_that_jumps_back_forgets_what_moved(graph: Graph, port: Any) -> 
     assert port.lookup("map", "lab")[0, 3] == 1.0
 
 
+def test_a_transform_from_ahead_does_not_keep_out_those_of_now(graph: Graph, port: Any) -> None:
+    now, hour = port.now(), 3600 * 10**9
+    with other_node(graph) as node:
+        kind = port.message("tf2_msgs/TFMessage")
+        moving = node.create_publisher(kind, "/tf", QoSProfile(depth=1))
+        late = now - hour  # of a machine whose clock is late
+        for stamp, x in [(now + hour, 1.0), (now, 2.0), (late, 3.0), (now + 10**7, 4.0)]:
+            one = transform(port, "map", "robot", x)
+            one.header.stamp = port.stamp(stamp)
+            moving.publish(kind(transforms=[one]))
+    assert port.lookup("map", "robot", now)[0, 3] == 2.0
+    assert port.lookup("map", "robot", now + 10**7)[0, 3] == 4.0
+
+
 def test_a_reason_of_tf2_that_begins_with_nothing_is_said_plainly(
     port: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -103,8 +103,8 @@ class BagFile:
             names: of the topics.
             on_damaged: called for each damaged message, with its time of recording [ns]; then the
                 message is skipped.
-            as_written: whether a ROS 1 bag whose times of recording go back, as of a simulation
-                that began again, is read in the order in which it was written.
+            as_written: whether a bag whose times of recording go back, as of a simulation that
+                began again, is read in the order in which it was written.
 
         Raises:
             FormatError: If the bag cannot be read, or, without `on_damaged`, a message.
@@ -114,7 +114,7 @@ class BagFile:
                 wanted = [c for c in reader.connections if c.topic in names]
                 if not wanted:
                     continue
-                if as_written and isinstance(reader, rosbag1.Reader):
+                if as_written:
                     read_as_written(reader, wanted)
                 for connection, log_time, data in reader.messages(wanted):
                     try:

@@ -17,6 +17,7 @@ from rclpy.time import Time
 
 from hypermap.core.errors import FrameError, HypermapError
 from hypermap.core.trajectory import pose_matrix
+from hypermap.ros.newest_transforms import NewestTransforms
 from hypermap.ros.ros2.ending import end_executor
 
 try:
@@ -50,7 +51,7 @@ class Transforms:
             start_parameter_services=False,
         )
         self._buffer = tf2_ros.Buffer()
-        self._listener = tf2_ros.TransformListener(self._buffer, self._node)
+        self._listener = _Listener(self._buffer, self._node, clock)
         threshold = JumpThreshold(
             min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False
         )
@@ -90,3 +91,19 @@ class Transforms:
         if ended:
             self._node.destroy_node()
         return ended
+
+
+class _Listener(tf2_ros.TransformListener):  # type: ignore[misc]
+    """Listens to tf, and forgets transforms of a time to come; see `NewestTransforms`."""
+
+    def __init__(self, buffer: Any, node: Any, clock: Any) -> None:
+        self._newest, self._clock = NewestTransforms(buffer.clear), clock
+        super().__init__(buffer, node)
+
+    def callback(self, data: Any) -> None:
+        """Take a message of /tf."""
+        now = self._clock.now().nanoseconds
+        for transform in data.transforms:
+            stamp = transform.header.stamp
+            self._newest.take(transform, stamp.sec * 10**9 + stamp.nanosec, now)
+        super().callback(data)
