@@ -473,6 +473,18 @@ def test_an_object_that_some_frames_showed_in_two_parts_becomes_one() -> None:
     assert shapely.hausdorff_distance(only(evidence).footprint, whole) < 1e-3
 
 
+def test_a_shape_over_two_known_chairs_does_not_make_them_one() -> None:
+    evidence = EvidenceMap(dataclasses.replace(DEFAULT, sight="area", min_probability=0.0))
+    left, right = shapely.box(0, 0, 0.4, 0.4), shapely.box(0.6, 0, 1.05, 0.4)
+    part, both = shapely.box(0.1, 0.1, 0.3, 0.3), shapely.box(0.1, 0.08, 1, 0.32)
+    for i in range(6):
+        evidence.update(seen(left, right, area=NOWHERE, stamp=float(i)))
+    known = [item.id for item in evidence.objects()]
+    for i, shapes in enumerate([(left, part), (both,), *[(left, right)] * 6]):
+        evidence.update(seen(*shapes, area=NOWHERE, stamp=86400.0 + i))
+    assert [item.id for item in evidence.objects()] == known == [0, 1]
+
+
 def test_a_view_of_one_of_two_chairs_is_not_for_the_one_that_reached_over_both() -> None:
     evidence = EvidenceMap(published_all(DEFAULT))
     left, right, both = square(0), square(1.2), shapely.box(-0.5, -0.5, 1.7, 0.5)

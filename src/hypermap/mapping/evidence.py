@@ -364,6 +364,7 @@ class EvidenceMap:
             matches = self._associate(shape, class_, self._tracks.shapes, self.config)
             if len(matches) > 1 and self.config.exclusive:
                 matches = [one for one in matches if one == row or self._are_one(row, one)]
+                matches = self._merge_rules().of_one(row, matches)
             if len(matches) > 1 and self._edited:
                 matches = self._merge_rules().mergeable(matches)
                 matches = matches if row in matches else []
