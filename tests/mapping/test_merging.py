@@ -55,6 +55,7 @@ THINGS = {
     "plant": WorldObject("plant", (3.4, 0.8)),
     "chair": WorldObject("chair", (2.6, 2.2)),
     "chair elsewhere": WorldObject("chair", (2.3, 0.9)),
+    "monitor": WorldObject("monitor", (3.4, 3.0), yaw_deg=-150, z=0.74),
 }
 ALL = "table", "plant", "chair"
 MOVED = "table", "plant", "chair elsewhere"
@@ -170,6 +171,21 @@ def test_what_was_moved_is_only_where_it_is_now() -> None:
     found = objects_of(merged.hypermap)
     assert centroid(found["chair"]) == pytest.approx((2.3, 0.9), abs=0.15)
     assert (merged.both, merged.first, merged.second, merged.gone) == (2, 0, 1, 1)
+
+
+def test_free_floor_below_a_table_does_not_say_that_what_stands_on_it_is_gone() -> None:
+    """A laser map, and rays below a table, know the floor there to be free."""
+    shots = frames("table", "plant", "monitor")
+    walls = OccupancyLayer("walls", "map", GridGeometry(50, 40, 0.1), np.zeros((40, 50), np.int8))
+    maps = []
+    for missed, count, later in (("", len(shots), 0.0), ("monitor", 3, DAY)):
+        mapper = Mapper(profile("default"), SOURCE, walls)
+        for shot in [shot for shot in shots if "monitor" in shot.detections.names][:count]:
+            found = shot.detections[shot.detections.names != missed]
+            mapper.add(dataclasses.replace(shot, stamp=shot.stamp + later, detections=found))
+        maps.append(mapper.hypermap())
+    assert "monitor" not in objects_of(maps[1])
+    assert "monitor" in objects_of(merge_maps(*maps, Pose2D()).hypermap)
 
 
 def test_how_poses_were_corrected_turns_with_the_map() -> None:

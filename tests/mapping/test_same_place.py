@@ -124,6 +124,7 @@ def test_a_map_without_walls_cannot_be_compared(caplog):
     mapper.add(drive()[0])
     check.check("tuesday", is_last=True)
     assert "could not check whether tuesday shows the place of the map" in caplog.text
+    assert "if its poses are in another frame, map it without --onto and try" in caplog.text
 
 
 def test_outlines_that_cross_themselves_can_be_compared():

@@ -39,10 +39,7 @@ _FEW_SIGHTINGS = 5  # tell something if none of them is near
 # some sightings near from the fifth on.
 _WALLS_FIT, _WALLS_DIFFER, _WALLS_FEW_DIFFER, _WALLS_ALONE_DIFFER = 0.65, 0.55, 0.5, 0.4
 _OBJECTS_FIT, _OBJECTS_DIFFER = 0.6, 0.5
-_REMEDY = (
-    "Map it without --onto and try `hypermap align` and `hypermap merge`; --same-place maps it "
-    "onto this map anyway"
-)
+_REMEDY = "map it without --onto and try `hypermap align` and `hypermap merge`"
 
 _log = logging.getLogger(__name__)
 
@@ -152,9 +149,10 @@ class PlaceCheck:
         """
         likeness = self.compare() if is_last and not self._is_one_place else self.likeness
         if finding := self.finding(drive, is_last):
-            raise OtherPlace(f"{finding} {_REMEDY}")
+            raise OtherPlace(f"{finding} Then {_REMEDY}; --same-place maps it onto this map anyway")
         if is_last and self._frames and not (likeness is not None and likeness.fits):
-            _log.warning("%s", self._unsure(drive))
+            unsure = self._unsure(drive)
+            _log.warning("%s; if its poses are in another frame, %s", unsure, _REMEDY)
 
     def finding(self, drive: str, is_last: bool = False) -> str:
         """Return what tells that a drive shows another place, in words; empty if nothing does.

@@ -101,7 +101,10 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     joined = join_tracks(
         *before,
         config.evidence,
-        (_is_free(grids[0], Pose2D()), _is_free(grids[1], a_T_b.inverse())),
+        (
+            _is_free(grids[0], Pose2D(), config.occupancy.free_below),
+            _is_free(grids[1], a_T_b.inverse(), config.occupancy.free_below),
+        ),
     )
     occupancy = _occupancy(a, grids, a_T_b)
     first_cell, log_odds = a.first_cell, a.log_odds
@@ -176,9 +179,10 @@ def _tracks(hypermap: Hypermap, state: MapperState, config: MappingConfig) -> Tr
     return evidence.tracks()
 
 
-def _is_free(grid: OccupancyLayer, grid_T_a: Pose2D) -> IsFree:
-    def is_free(area: BaseGeometry) -> bool:
-        return free_share(grid, grid_T_a.apply_geometry(area)) >= _FREE
+def _is_free(grid: OccupancyLayer, grid_T_a: Pose2D, free_below: float) -> IsFree:
+    def is_free(area: BaseGeometry, bottom: float) -> bool:
+        # A cell is free if rays pass below a height: a table may be over it, with a cup on it.
+        return bottom < free_below and free_share(grid, grid_T_a.apply_geometry(area)) >= _FREE
 
     return is_free
 

@@ -27,8 +27,9 @@ from hypermap.mapping.tracks import TrackTable
 _VISIBLE, _WHOLE = 0.5, 1 - 1e-6
 """Share of an object that a later view must cover to have missed it: on free floor, elsewhere."""
 
-IsFree = Callable[[BaseGeometry], bool]
-"""Returns whether a map knows an area of the floor to be free."""
+IsFree = Callable[[BaseGeometry, float], bool]
+"""Returns whether a map knows an area of the floor to be free, and so that nothing stands there
+that begins at a height [m]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +61,7 @@ def join_tracks(
         first: tracks of a map; not changed.
         second: those of another map, in the same frame.
         config: of both maps.
-        is_free: for each map, whether its occupancy grid knows an area to be free.
+        is_free: for each map, whether its occupancy grid knows that nothing stands in an area.
     """
     tracks, second = first.snapshot(), second.snapshot()
     _use_same_classes(tracks, second)
@@ -179,7 +180,7 @@ def _count_misses(
         tracks: of one map; changed.
         until: stamp at which the other map first saw each track [s]; infinite if never.
         views: of the other map, oldest first.
-        is_free: whether the other map knows an area to be free.
+        is_free: whether the other map knows that nothing stands in an area.
         config: the costs of misses.
     """
     if not views:
@@ -196,7 +197,8 @@ def _count_misses(
         shape = tracks.shapes.polygons[row].geometry
         near = areas[begin:end][shapely.dwithin(cameras[begin:end], shape, config.max_range)]
         shares = shapely.area(shapely.intersection(near, shape)) / shape.area
-        if until[row] == math.inf and is_free(shape):
+        bottom = float(tracks.shapes.heights[row][0])
+        if until[row] == math.inf and is_free(shape, bottom):
             misses = int((shares >= _VISIBLE).sum())
             too_much = float(tracks.existence[row]) - min(config.publish_above, 0.0)
             loss = config.gone_loss * misses + (max(too_much, 0) if misses else 0)
