@@ -3,14 +3,14 @@
 
 import { complain, el, icon, iconButton } from "./dom";
 import { lookOf } from "./evidencelooks";
-import { clock, meters, squareMeters } from "./format";
+import { meters, squareMeters } from "./format";
 import { extentOf } from "./geometry";
 import type { MapView } from "./mapview";
 import { cameraSample, lineSample, looksSample } from "./samples";
 import { snippetsContent } from "./panel";
 import type { DataSource, Evidence, Extent, ObjectDetails } from "./source";
 import { timeline } from "./timeline";
-import { often } from "./words";
+import { areOfSeveralDrives, often, timesInWords } from "./words";
 
 export class EvidenceSection {
   /** The object whose evidence is shown, also while its panel is redrawn. */
@@ -84,9 +84,9 @@ export class EvidenceSection {
 
   /** The observations over time, and the selected one. */
   private looks(evidence: Evidence, draw: () => void): HTMLElement {
-    const { observations, start = 0 } = evidence;
+    const { observations } = evidence;
     const count = observations.length;
-    const lane = timeline(observations, start, (i) => choose(i));
+    const lane = timeline(observations, timesOf(evidence), (i) => choose(i));
     const slider = el("input", { type: "range", aria: { label: "Observation" } });
     Object.assign(slider, { min: "0", max: String(count), step: "1" });
     const facts = el("p", { class: "quiet look-facts" });
@@ -174,16 +174,23 @@ function explained({ fused }: Evidence): string {
   return `Jaccard index: the area shared with the shape in the map, over the area of both.${made}`;
 }
 
-function summary({ observations, seen, start, first_seen, last_seen }: Evidence): string {
+function timesOf({ observations, start = 0 }: Evidence): (stamp: number) => string {
+  return timesInWords(start, observations[observations.length - 1].stamp, new Date());
+}
+
+function summary(evidence: Evidence): string {
+  const { observations, seen, start, first_seen, last_seen } = evidence;
   const kept = observations.length;
   const times =
     seen > kept ? `Seen ${seen} times; the newest ${kept} are saved` : `Seen ${often(kept)}`;
   if (start === undefined || first_seen === null || last_seen === null) return `${times}.`;
-  const [first, last] = [clock(first_seen - start), clock(last_seen - start)];
-  return `${times}, first at ${first}, last at ${last} of the recording.`;
+  const [first, last] = [first_seen, last_seen].map(timesOf(evidence));
+  const whose = areOfSeveralDrives(start, last_seen) ? "" : " of the recording";
+  return `${times}, first ${first}, last ${last}${whose}.`;
 }
 
-function factsOf({ observations, start = 0 }: Evidence, i: number | null): (Node | string)[] {
+function factsOf(evidence: Evidence, i: number | null): (Node | string)[] {
+  const { observations } = evidence;
   const count = observations.length;
   if (i === null) {
     const scores = observations.map(({ score }) => score);
@@ -197,7 +204,7 @@ function factsOf({ observations, start = 0 }: Evidence, i: number | null): (Node
   const { stamp, score, distance, area } = observations[i];
   return [
     el("strong", { text: `Observation ${i + 1} of ${count}` }),
-    ` at ${clock(stamp - start)}`,
+    ` ${timesOf(evidence)(stamp)}`,
     el("br"),
     `score ${score.toFixed(2)}, from ${meters(distance, 0.1)} m away, ${squareMeters(area)}`,
   ];

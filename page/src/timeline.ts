@@ -1,6 +1,5 @@
 /** Observations over time: a stroke for each, whose length is the detector's score. */
 
-import { clock } from "./format";
 import type { Seen } from "./source";
 
 export interface Timeline {
@@ -14,7 +13,7 @@ const SVG = "http://www.w3.org/2000/svg";
 /** A timeline of observations in chronological order; a click selects the nearest one. */
 export function timeline(
   observations: Seen[],
-  start: number,
+  timeOf: (stamp: number) => string,
   chosen: (index: number) => void,
 ): Timeline {
   const first = observations[0].stamp;
@@ -35,7 +34,7 @@ export function timeline(
   element.append(group);
   const label = (at: number, anchor: string, stamp: number) => {
     const text = svg("text", { x: String(at), y: String(HEIGHT - 3), "text-anchor": anchor });
-    text.textContent = clock(stamp - start);
+    text.textContent = timeOf(stamp).replace(/^at /, "");
     element.append(text);
   };
   if (span > 0) {

@@ -1,6 +1,6 @@
 /** What is known of an object, in words. */
 
-import { isDate, stamp } from "./format";
+import { clock, isDate, stamp } from "./format";
 
 /** How certain it is that an object exists, from its evidence [log-odds]. */
 export function existenceInWords(existence: number): string {
@@ -31,6 +31,18 @@ export function whenInWords(seconds: number, now: Date): string {
   const date = `${time.getDate()} ${name(time, { month: "long" })}`;
   if (time.getFullYear() !== now.getFullYear()) return `${date} ${time.getFullYear()}, ${clock}`;
   return `${date} ${clock}`;
+}
+
+const HOUR = 3600;
+
+/** Whether two stamps [s] are dates so far apart that they are hardly of one drive. */
+export const areOfSeveralDrives = (first: number, last: number): boolean =>
+  isDate(last) && last - first >= HOUR;
+
+/** Says when observations were made [s]: the time since `start`, or of several drives the date. */
+export function timesInWords(start: number, last: number, now: Date): (seconds: number) => string {
+  if (areOfSeveralDrives(start, last)) return (seconds) => whenInWords(seconds, now);
+  return (seconds) => `at ${clock(seconds - start)}`;
 }
 
 const two = (n: number): string => String(n).padStart(2, "0");

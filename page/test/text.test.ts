@@ -13,7 +13,7 @@ import {
 import { placeFromHash, placeToHash } from "../src/place";
 import { shellWord, snippetsAt, snippetsForSearch } from "../src/snippets";
 import type { AreaRow, Point, Ring } from "../src/source";
-import { existenceInWords, seenInWords, whenInWords } from "../src/words";
+import { existenceInWords, seenInWords, timesInWords, whenInWords } from "../src/words";
 
 const ring: Ring = [
   [0, 0],
@@ -138,6 +138,14 @@ test("times are said as one says them", () => {
   assert.equal(at(2025, 4, 20, 9, 30), "20 May 2025, 09:30");
   assert.equal(at(2026, 4, 21, 1, 0), "21 May 01:00"); // a clock that goes ahead
   assert.equal(whenInWords(12.5, now), "at 12.5 s");
+});
+
+test("observations of several drives have dates, those of one the time since its start", () => {
+  const now = new Date(2026, 10, 27, 15, 0);
+  const [begin, end] = [new Date(2026, 10, 23, 9, 0), now].map((one) => one.getTime() / 1000);
+  assert.equal(timesInWords(begin, end, now)(begin + 65), "Monday 09:01");
+  assert.equal(timesInWords(begin, begin + 90, now)(begin + 65), "at 1:05.0");
+  assert.equal(timesInWords(0, 90000, now)(65), "at 1:05.0");
 });
 
 test("what is known of an object is said in words", () => {

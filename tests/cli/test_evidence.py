@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import shapely
 
+from hypermap.console.evidence import plain_evidence
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
@@ -56,6 +57,20 @@ def test_the_answer_reads_well_as_text(hypermap: Run, made: Path) -> None:
     assert "chair 0 of semantic" in result.out
     assert "seen 6 times, 6 kept, mean score" in result.out
     assert "votes (made the map)" in result.out
+
+
+@pytest.mark.parametrize(
+    ("last", "expected"),
+    [(12.5, "from 2.0 s to 12.5 s of the recording"), (86_400.0, "from 2026-11-18 ")],
+    ids=["one drive", "several"],
+)
+def test_observations_of_several_drives_have_dates(last: float, expected: str) -> None:
+    begin = 1_795_011_200.0
+    kept = [{"stamp": begin + 2, "score": 0.8}, {"stamp": begin + last, "score": 0.8}]
+    seen = {"first_seen": begin + 2, "last_seen": begin + last, "start": begin}
+    evidence = seen | {"seen": 2, "observations": kept, "fused": []}
+    row = {"label": "cup", "value": 1, "layer": "semantic", "evidence": evidence}
+    assert expected in plain_evidence([row])
 
 
 def test_evidence_can_be_left_out(hypermap: Run, drive: Path, made: Path, tmp_path: Path) -> None:

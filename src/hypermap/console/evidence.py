@@ -10,6 +10,7 @@ from hypermap.console.answer import aligned
 from hypermap.console.questions import Row
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.questions.times import are_calendar, time_of
 from hypermap.text import counted, printable
 
 DescribeEvidence: TypeAlias = Callable[[Hypermap, str, int], dict[str, Any]]
@@ -18,6 +19,7 @@ DescribeEvidence: TypeAlias = Callable[[Hypermap, str, int], dict[str, Any]]
 FUSED = ["method", "area in m²", "IoU"]
 """The columns about each method's shape; all but the first are numbers."""
 
+_DRIVES = 3600.0  # [s] between observations that are hardly of one drive
 _MOST = 20  # objects whose evidence is shown as text; --json has all
 
 
@@ -97,5 +99,7 @@ def _seen(evidence: dict[str, Any]) -> str:
     text += f", mean score {sum(scores) / len(scores):.2f}"
     first, last, start = (evidence[key] for key in ("first_seen", "last_seen", "start"))
     if first is not None and last is not None:
+        if last - start >= _DRIVES and are_calendar([last]):
+            return f"{text}, from {time_of(first)} to {time_of(last)}"
         text += f", from {first - start:.1f} s to {last - start:.1f} s of the recording"
     return text
