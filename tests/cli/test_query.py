@@ -4,6 +4,7 @@ import pytest
 import shapely
 
 from hypermap import Hypermap, SemanticLayer, SemanticObject, save_map
+from hypermap.questions import cells
 from hypermap.testing import square
 
 from .conftest import assert_one_error
@@ -128,6 +129,20 @@ def test_an_area_lists_objects_and_counts_cells(hypermap, room_map):
     assert "occupancy: 11 Free" in result.out
     rows = hypermap("query", room_map, "--in", "2.5,2.5,8,3.5", "--json").json["answers"]
     assert [row["layer"] for row in rows].count("occupancy") == 22
+
+
+def test_of_very_many_cells_json_has_their_number(hypermap, room_map, monkeypatch):
+    monkeypatch.setattr(cells, "MOST_LISTED", 21)
+    area = room_map, "--in", "2.5,2.5,8,3.5"
+    assert "occupancy: 11 Occupied" in hypermap("query", *area).out
+    rows = hypermap("query", *area, "--json").json["answers"]
+    (plant,) = (row for row in rows if row["layer"] == "semantic")
+    assert plant["label"] == "potted plant"
+    found = {row["label"]: row["cells"] for row in rows if row["layer"] == "occupancy"}
+    assert found == {"Free": 11, "Occupied": 11}
+    for row in rows:
+        at = hypermap("query", room_map, "--at", f"{row['x']},{row['y']}").out
+        assert row["label"] in at
 
 
 def test_from_where_the_nearest_is_measured_is_said(hypermap, room_map):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from hypermap import (
     open_map,
     save_map,
 )
+from hypermap.questions import cells
 from hypermap.values import Samples
 from hypermap.viewer.picture import compose
 
@@ -132,6 +134,22 @@ def test_the_coldest_room_and_the_places_and_desks_that_are_warm(hypermap, warm)
     assert near["distance"] == pytest.approx(np.hypot(3.375, near["y"] - 2))
     (point,) = rows("--layer", "temperature", "--at", "1,2")
     assert (point["unit"], point["deviation"] < 2) == ("°C", True)
+
+
+def test_of_very_many_cells_the_mean_and_range_are_told(hypermap, warm, monkeypatch):
+    area = warm, "--in", "0,0,3,3", "--layer", "temperature"
+    listed = hypermap("query", *area)
+    rows = hypermap("query", *area, "--json").json["answers"]
+    monkeypatch.setattr(cells, "MOST_LISTED", 20)
+    (one,) = hypermap("query", *area, "--json").json["answers"]
+    assert one["cells"] == len(rows)
+    assert one["value"] == pytest.approx(np.mean([row["value"] for row in rows]))
+    assert [one["min"], one["max"]] == pytest.approx(
+        [extreme(row["value"] for row in rows) for extreme in (min, max)]
+    )
+    told = hypermap("query", *area).out
+    numbers = [re.findall(r"[\d.]+", text) for text in (listed.out, told)]
+    assert [float(n) for n in numbers[1]] == pytest.approx([float(n) for n in numbers[0]], abs=0.1)
 
 
 def test_answers_are_tables_of_few_lines(hypermap, warm):

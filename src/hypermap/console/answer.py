@@ -44,7 +44,10 @@ def shown(answered: Answered) -> Shown:
     cells_are_counted = not (is_some or is_at_point)
     listed = [row for row in rows if _is_thing(row)] if cells_are_counted else rows
     of_cells = [row for row in rows if cells_are_counted and not _is_thing(row)]
-    cells = Counter((row["layer"], row["label"]) for row in of_cells if "unit" not in row)
+    cells: Counter[tuple[str, str]] = Counter()
+    for row in of_cells:
+        if "unit" not in row:
+            cells[row["layer"], row["label"]] += row.get("cells", 1)
     optional = ("deviation", "distance", "similarity", "area")
     numbers = ["value", "x", "y", *(key for key in optional if any(key in row for row in listed))]
     also = (key for key in ("room", "measured", "last_seen") if any(key in row for row in listed))
@@ -74,10 +77,13 @@ def _ranges(rows: Sequence[Row]) -> list[str]:
             lines.append(f"{printable(layer)}: no value")
             continue
         known.sort(key=lambda row: float(row["value"]))
-        mean = sum(row["value"] for row in known) / len(known)
-        least, most = printable(known[0]["label"]), printable(known[-1]["label"])
-        cells = counted(len(known), "cell")
-        lines.append(f"{printable(layer)}: {mean:.5g} on average, {least} to {most}, in {cells}")
+        mean, count = sum(row["value"] for row in known) / len(known), len(known)
+        least, most = known[0]["label"], known[-1]["label"]
+        if "cells" in known[0]:  # it stands for all
+            least, most = (f"{known[0][key]:.4g} {known[0]['unit']}" for key in ("min", "max"))
+            count = known[0]["cells"]
+        about = f"{mean:.5g} on average, {printable(least)} to {printable(most)}"
+        lines.append(f"{printable(layer)}: {about}, in {counted(count, 'cell')}")
     return lines
 
 

@@ -19,6 +19,9 @@ from hypermap.core.value_layer import ValueLayer
 from hypermap.questions.query import Measured
 from hypermap.values import nearest_where, summaries_of, value_layer_called, where
 
+MOST_LISTED = 1_000_000
+"""Cells of an area; of more, it is told how many there are of each kind."""
+
 
 @dataclass(frozen=True, eq=False)
 class Cell:
@@ -31,7 +34,7 @@ class Cell:
         point_xy: in the base frame [m], shape (2,).
         distance: where distances are measured from [m]; None if they are not wanted.
         more: of measured values: `unit`, `deviation`, `stamp`, `area` [m^2], `outline` (WKT).
-            Of notes: `note`.
+            Of notes: `note`. Where it stands for all of its label in an area: `cells`, how many.
     """
 
     layer: str
@@ -67,6 +70,9 @@ def cells_in(
 ) -> Iterator[Cell]:
     """Yield the cells of some labels or values, or all of an area.
 
+    Of an area with more than `MOST_LISTED` cells, it is one for each label, or what `value_in` says
+    of measured values.
+
     Args:
         hypermap: the map.
         layer: one of its layers.
@@ -81,6 +87,12 @@ def cells_in(
     elif area is not None:
         hits = hypermap.labels_in(layer.name, area)
         labels, places = hits.values, hits.points_xy
+        if len(places) > MOST_LISTED:
+            if isinstance(layer, ValueLayer):
+                yield from value_in(hypermap, layer, area)
+            else:
+                yield from _counted(layer, labels, places)
+            return
         values = hypermap.values_in(layer.name, area).values
     else:
         return
@@ -88,6 +100,12 @@ def cells_in(
     far = [None] * len(places) if start is None else np.hypot(*(places - start).T).tolist()
     for label, value, place, distance in zip(labels, values, places, far, strict=True):
         yield Cell(layer.name, str(label), known(value), place, distance, more)
+
+
+def _counted(layer: Layer, labels: NDArray[Any], places: NDArray[np.float64]) -> Iterator[Cell]:
+    """Yield one cell of each label, which tells how many there are."""
+    for label, first, count in zip(*np.unique(labels, True, return_counts=True), strict=True):
+        yield Cell(layer.name, str(label), None, places[first], None, {"cells": int(count)})
 
 
 def places_where(
