@@ -40,7 +40,7 @@ export class ServerSource implements DataSource, Editing, Past {
   private asOf: number | undefined;
 
   async map(): Promise<MapInfo> {
-    const info = await this.get<MapInfo>("/api/map", {});
+    const info = await this.get<MapInfo>("api/map", {});
     this.token = info.token ?? "";
     this.base = info.base_frame;
     return info;
@@ -57,7 +57,7 @@ export class ServerSource implements DataSource, Editing, Past {
       const image = new Image();
       image.onload = () => resolve(image);
       image.onerror = () => reject(new Error(`no tile ${zoom}/${column}/${row} of ${layer}`));
-      image.src = address(`/api/tiles/${encodeURIComponent(layer)}/${zoom}/${column}/${row}.png`, {
+      image.src = address(`api/tiles/${encodeURIComponent(layer)}/${zoom}/${column}/${row}.png`, {
         v,
         as_of: v === this.asOf ? v : undefined, // of a layer that is shown as it was
       });
@@ -74,15 +74,15 @@ export class ServerSource implements DataSource, Editing, Past {
   ): Promise<Shapes> {
     const values: Values = { bbox: extent.join(","), resolution, v };
     if (names) values["name"] = names;
-    return this.get(`/api/shapes/${encodeURIComponent(layer)}`, values, signal);
+    return this.get(`api/shapes/${encodeURIComponent(layer)}`, values, signal);
   }
 
   at([x, y]: Point, frame: string): Promise<PointAnswer> {
-    return this.get("/api/at", { x, y, ...this.inFrame(frame) });
+    return this.get("api/at", { x, y, ...this.inFrame(frame) });
   }
 
   area(polygon: Ring, frame: string): Promise<AreaAnswer> {
-    const url = address("/api/area", { as_of: this.asOf });
+    const url = address("api/area", { as_of: this.asOf });
     return this.post(url, { polygon, ...this.inFrame(frame) });
   }
 
@@ -92,11 +92,11 @@ export class ServerSource implements DataSource, Editing, Past {
       ...this.inFrame(frame),
       as_of: this.asOf,
     };
-    return (await ask(address(`/api/area.${kind}`, values), {})).blob();
+    return (await ask(address(`api/area.${kind}`, values), {})).blob();
   }
 
   find({ name, near, within, inside, ring }: ObjectQuery, limit: number): Promise<FindAnswer> {
-    return this.get("/api/find", {
+    return this.get("api/find", {
       name: name ?? undefined,
       near: typeof near === "string" ? near : near.join(","),
       within: within ?? undefined,
@@ -107,47 +107,47 @@ export class ServerSource implements DataSource, Editing, Past {
   }
 
   ask(question: string, place: Point): Promise<WordsAnswer> {
-    return this.get("/api/ask", { question, from: place.join(",") });
+    return this.get("api/ask", { question, from: place.join(",") });
   }
 
   object(layer: string, id: number): Promise<ObjectDetails> {
-    return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}`, {});
+    return this.get(`api/objects/${encodeURIComponent(layer)}/${id}`, {});
   }
 
   objectIfThere(layer: string, id: number): Promise<ObjectDetails | null> {
-    return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}`, { if_there: 1 });
+    return this.get(`api/objects/${encodeURIComponent(layer)}/${id}`, { if_there: 1 });
   }
 
   evidence(layer: string, id: number): Promise<Evidence> {
-    return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}/evidence`, {});
+    return this.get(`api/objects/${encodeURIComponent(layer)}/${id}/evidence`, {});
   }
 
   path(start: Point, goal: Point, radius: number): Promise<PathAnswer> {
-    return this.get("/api/path", { from: start.join(","), to: goal.join(","), radius });
+    return this.get("api/path", { from: start.join(","), to: goal.join(","), radius });
   }
 
   coverage(): Promise<Coverage | null> {
-    return this.get("/api/coverage", {});
+    return this.get("api/coverage", {});
   }
 
   cover(polygon: Ring, frame: string): Promise<Coverage | null> {
-    return this.post("/api/coverage", { polygon, ...this.inFrame(frame) });
+    return this.post("api/coverage", { polygon, ...this.inFrame(frame) });
   }
 
   values(layer: string, v: number): Promise<EmbeddedValues> {
-    return this.get(`/api/values/${encodeURIComponent(layer)}`, { v });
+    return this.get(`api/values/${encodeURIComponent(layer)}`, { v });
   }
 
   notes(): Promise<Note[]> {
-    return this.get("/api/notes", {});
+    return this.get("api/notes", {});
   }
 
   timeline(): Promise<MapTimeline> {
-    return this.get("/api/timeline", {});
+    return this.get("api/timeline", {});
   }
 
   changes(version: number): Promise<VersionChanges> {
-    return this.get(`/api/timeline/${version}`, {});
+    return this.get(`api/timeline/${version}`, {});
   }
 
   goTo(version: number | null): void {
@@ -156,40 +156,40 @@ export class ServerSource implements DataSource, Editing, Past {
 
   async upload(file: File): Promise<{ sha256: string }> {
     const headers = { "X-Hypermap-Token": this.token };
-    const url = address("/api/files", { name: file.name });
+    const url = address("api/files", { name: file.name });
     const answer = await ask(url, { method: "POST", headers, body: file });
     return answer.json() as Promise<{ sha256: string }>;
   }
 
   edit(version: number, operations: Operation[]): Promise<Change> {
-    return this.post("/api/edit", { version, operations });
+    return this.post("api/edit", { version, operations });
   }
 
   undo(version: number): Promise<Change> {
-    return this.post("/api/undo", { version });
+    return this.post("api/undo", { version });
   }
 
   redo(version: number): Promise<Change> {
-    return this.post("/api/redo", { version });
+    return this.post("api/redo", { version });
   }
 
   save(request: SaveRequest): Promise<Change> {
-    return this.post("/api/save", request);
+    return this.post("api/save", request);
   }
 
   reload(): Promise<Change> {
-    return this.post("/api/reload", {});
+    return this.post("api/reload", {});
   }
 
   watch(changed: (change: Change | "lost" | "refused") => void): void {
-    const events = new EventSource("/api/events");
+    const events = new EventSource("api/events");
     let lost = false;
     events.onmessage = (event: MessageEvent<string>) => changed(JSON.parse(event.data) as Change);
     events.onerror = () => {
       if (!lost) changed("lost");
       lost = true;
       if (events.readyState !== EventSource.CLOSED) return; // it tries again
-      fetch("/api/map").then(
+      fetch("api/map").then(
         ({ status }) => status === FORBIDDEN && changed("refused"),
         () => undefined,
       );

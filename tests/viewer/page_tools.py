@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -23,8 +23,12 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from starlette.applications import Starlette
 
 import hypermap.viewer
+from hypermap.viewer.live.app import MapApp
+from hypermap.viewer.live.document import MapDocument
+from hypermap.viewer.live.serving import listen, serving, url_of
 
 from ..prepared import Command
 from ..roscore import free_port
@@ -123,6 +127,27 @@ def a_server(path: Path, *options: str) -> Iterator[str]:
     finally:
         server.kill()
         server.communicate()
+
+
+@contextlib.contextmanager
+def a_server_in_a_folder(path: Path, folder: str) -> Iterator[str]:
+    """Serve a map as behind a web server that passes on what is below a folder of its addresses."""
+    with listen("127.0.0.1", 0) as listening:
+        url = f"http://localhost:{listening.getsockname()[1]}/{folder}"
+        app = MapApp(MapDocument(path), public_url=url)
+        inner: Any = app.app
+
+        async def passed_on(scope: Any, receive: Any, send: Any) -> None:
+            if scope["type"] == "http":
+                in_folder = scope["path"].startswith(f"/{folder}/")
+                inside = scope["path"].removeprefix(f"/{folder}") if in_folder else "/nothing"
+                scope = {**scope, "path": inside, "raw_path": inside.encode()}
+            await inner(scope, receive, send)
+
+        address = url_of(app, listening, url)
+        app.app = cast("Starlette", passed_on)
+        with serving(app, listening):
+            yield address
 
 
 def _port() -> int:

@@ -21,8 +21,8 @@ from hypermap.viewer.live.export import export_page
 
 EVIL = "</script><script>alert(1)</script><!--\u2028\\ \" ' & {}"
 INDEX = """<!doctype html><html><head><!-- hypermap:head -->
-<link rel="stylesheet" href="/page/app.css"></head><body><!-- hypermap:blob -->
-<script type="module" src="/page/app.js"></script></body></html>"""
+<link rel="stylesheet" href="page/app.css"></head><body><!-- hypermap:blob -->
+<script type="module" src="page/app.js"></script></body></html>"""
 
 
 class Elements(HTMLParser):

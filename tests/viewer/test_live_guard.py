@@ -60,6 +60,16 @@ def test_only_requests_to_this_machine_are_let_in(host, listening_on, status):
     assert answer_of("GET", "/api/map", {"Host": host}, listening_on) == status
 
 
+def test_a_web_server_in_front_is_known_by_its_public_name():
+    hosts = known_hosts("127.0.0.1", "https://Robot.example/maps")
+    route = Route("/", lambda _: PlainTextResponse("let in"), methods=["GET", "POST"])
+    client = TestClient(Guard(Starlette(routes=[route]), hosts, TOKEN))
+    own = {"Host": "robot.example", "Origin": "https://robot.example", TOKEN_HEADER: TOKEN}
+    assert client.post("/", headers=own).status_code == 200
+    assert client.post("/", headers={**own, "Origin": "https://evil.example"}).status_code == 403
+    assert client.get("/", headers={**own, "Host": "evil.example"}).status_code == 403
+
+
 @pytest.mark.parametrize(
     ("method", "path", "headers", "status"),
     [

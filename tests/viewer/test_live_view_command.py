@@ -205,6 +205,19 @@ def test_it_listens_where_it_is_reported_and_only_there(tmp_path):
                 socket.create_connection((address, port), timeout=PATIENCE)
 
 
+def test_behind_a_web_server_the_address_is_that_of_visitors(tmp_path):
+    url = "https://robot.example/maps"
+    with a_port() as port:
+        words = ["view", saved(tmp_path), "--no-browser", "--port", port, "--public-url", url]
+        with Command(*words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+            said = ""
+            while "passes requests on" not in said:
+                said += process.stdout.readline()
+            process.send_signal(signal.SIGINT)
+    assert re.match(rf"{url}/\?token=\S{{32}}\n", said)
+    assert f"the web server there passes requests on to 127.0.0.1:{port}\n" in said
+
+
 def test_whoever_lets_others_in_is_reported_so(tmp_path):
     with viewing(saved(tmp_path), "--port", 0, "--host", "0.0.0.0") as server:
         assert server.url.startswith("http://127.0.0.1:")
@@ -242,6 +255,7 @@ def test_with_no_token_everyone_is_let_in(tmp_path):
         (["bad.hmap"], "bad.hmap"),
         (["room.hmap", "--host", "203.0.113.7"], "cannot listen on 203.0.113.7, port 8090"),
         (["room.hmap", "--port", "99999"], "65535"),
+        (["room.hmap", "--public-url", "robot.example"], "must be the address of a web server"),
     ],
 )
 def test_what_cannot_be_shown_is_said_in_one_line(tmp_path, arguments, reason):

@@ -16,7 +16,7 @@ from hypermap.testing import occupancy_from_text
 from hypermap.viewer.live.export import export_page
 
 from .editing_tools import save, start_editing
-from .page_tools import Window, a_server, a_window
+from .page_tools import Window, a_server, a_server_in_a_folder, a_window
 
 pytestmark = pytest.mark.xdist_group("page")
 
@@ -50,6 +50,17 @@ def window(empty_window: Window, path: Path) -> Iterator[Window]:
 
 def click_map(window: Window, x: float, y: float) -> None:
     window.page.mouse.click(*window.pixel_of(x, y))
+
+
+def test_the_page_may_be_in_a_folder_of_a_web_server(empty_window: Window, path: Path):
+    with a_server_in_a_folder(path, "maps") as url:
+        empty_window.load(url)
+        click_map(empty_window, 1.5, 1.5)
+        picture = empty_window.page.locator("#panel img")
+        expect(picture).to_be_visible()
+        assert picture.evaluate("async (image) => (await image.decode(), image.naturalWidth)") == 60
+        assert all("/maps/" in asked for asked in empty_window.asked)
+        assert empty_window.complaints == []
 
 
 def test_a_mark_shows_the_note_and_runs_nothing_of_it(window: Window):

@@ -21,7 +21,7 @@ export class RunSource {
   private id = "";
 
   async run(): Promise<RunInfo> {
-    const info = (await (await ask("/api/run", {})).json()) as RunInfo;
+    const info = (await (await ask("api/run", {})).json()) as RunInfo;
     this.id = info.id;
     return info;
   }
@@ -29,20 +29,20 @@ export class RunSource {
   /** A step; its objects as the difference to those of another one. */
   async step(number: number, since: number | null): Promise<StepAnswer> {
     const query = since === null ? "" : `?since=${since}`;
-    return (await ask(`/api/steps/${number}${query}`, {})).json() as Promise<StepAnswer>;
+    return (await ask(`api/steps/${number}${query}`, {})).json() as Promise<StepAnswer>;
   }
 
   picture(number: number): Promise<HTMLImageElement> {
-    return loaded(`/api/pictures/${number}.jpg?run=${this.id}`);
+    return loaded(`api/pictures/${number}.jpg?run=${this.id}`);
   }
 
   grid(number: number): Promise<HTMLImageElement> {
-    return loaded(`/api/grids/${number}.png?run=${this.id}`);
+    return loaded(`api/grids/${number}.png?run=${this.id}`);
   }
 
   /** Calls back with all news; with null while the server does not answer. */
   watch(heard: (news: RunUpdate | null) => void): void {
-    const events = new EventSource("/api/events");
+    const events = new EventSource("api/events");
     events.onmessage = (event: MessageEvent<string>) => heard(JSON.parse(event.data) as RunUpdate);
     events.onerror = () => heard(null);
   }

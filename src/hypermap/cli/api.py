@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 import secrets
 from typing import Annotated
-from urllib.parse import urlsplit
 
 import typer
 
+from hypermap.cli.public_url import check_public_url
 from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import StoreAddress
 from hypermap.cli.terminal import note
@@ -77,11 +77,7 @@ def command(
     secret = secrets.token_urlsafe(24) if token is None else token
     if len(secret) < _SHORTEST_TOKEN or not secret.isascii() or not secret.isprintable():
         raise HypermapError(f"a token has at least {_SHORTEST_TOKEN} ASCII characters, no blanks")
-    if public_url is not None and not _is_root(public_url):
-        raise HypermapError(
-            "--public-url must be the address of a web server, as https://maps.example or "
-            "https://maps.example/objects"
-        )
+    check_public_url(public_url)
     address = parse_address(store)
     service = StoreService(address, secret, allows_edits=allow_edits, url=public_url)
     with service.connections.one() as database:
@@ -97,13 +93,3 @@ def command(
     with contextlib.closing(listening), until_signal():
         serve(service, listening, started)
     service.connections.close()
-
-
-def _is_root(url: str) -> bool:
-    """Return whether links can begin with a text."""
-    try:
-        parts = urlsplit(url)
-    except ValueError:
-        return False
-    has_more = parts.query or parts.fragment or "@" in parts.netloc
-    return parts.scheme in ("http", "https") and bool(parts.hostname) and not has_more

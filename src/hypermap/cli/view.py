@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.options import Force, MapPath, check_output
+from hypermap.cli.public_url import check_public_url
 from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import followed_site
 from hypermap.cli.terminal import note, say
@@ -40,6 +41,14 @@ def command(
             "encrypted.",
         ),
     ] = "127.0.0.1",
+    public_url: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            show_default=False,
+            help="Where visitors reach the page, if it is behind a web server.",
+        ),
+    ] = None,
     no_token: Annotated[
         bool,
         typer.Option(
@@ -73,6 +82,7 @@ def command(
     Examples:
         hypermap view lab.hmap
         hypermap view lab.hmap --read-only --no-browser --port 9000
+        hypermap view lab.hmap --no-browser --public-url https://robot.example/maps
         hypermap view lab.hmap --html lab.html
         hypermap view "postgresql://me@db.example/maps?site=lab"
     """
@@ -84,8 +94,10 @@ def command(
     from hypermap.viewer.live.page import require_page
 
     require_page()
+    check_public_url(public_url)
     with _shown(path, read_only) as document:
-        _serve(document, (host, port), is_private=not no_token, browser=browser)
+        address = host, port, public_url
+        _serve(document, address, is_private=not no_token, browser=browser)
 
 
 @contextmanager
@@ -105,20 +117,27 @@ def _shown(path: Path, read_only: bool) -> Iterator[ShownMap]:
 
 
 def _serve(
-    document: ShownMap, address: tuple[str, int | None], *, is_private: bool, browser: bool
+    document: ShownMap,
+    address: tuple[str, int | None, str | None],
+    *,
+    is_private: bool,
+    browser: bool,
 ) -> None:
-    """Serve the page at a host and port until Ctrl-C."""
+    """Serve the page at a host, a port and a public address until Ctrl-C."""
     from hypermap.viewer.live.app import MapApp
     from hypermap.viewer.live.serving import is_local, listen, open_browser, serve, url_of
 
-    host, port = address
-    app = MapApp(document, host, is_private=is_private)
+    host, port, public_url = address
+    app = MapApp(document, host, is_private=is_private, public_url=public_url)
     listening = listen(host, port)
-    url = url_of(app, listening)
+    url = url_of(app, listening, public_url)
 
     def started() -> None:
         say(url)
         note(f"showing {document.address}; press Ctrl-C to stop")
+        if public_url is not None:
+            own = ":".join(map(str, listening.getsockname()[:2]))
+            note(f"the web server there passes requests on to {own}")
         if not is_local(host):
             rights = "see and change" if document.is_editable else "see"
             who = "reach this machine" + (" and knows the token" if is_private else "")

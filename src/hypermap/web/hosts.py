@@ -8,11 +8,18 @@ from collections.abc import Collection
 from urllib.parse import urlsplit
 
 
-def known_hosts(listening_on: str) -> set[str]:
-    """Return by which names a server is addressed that listens on an address; "*": any number."""
+def known_hosts(listening_on: str, public_url: str | None = None) -> set[str]:
+    """Return by which names a server is addressed; "*" stands for any number.
+
+    Args:
+        listening_on: the address that it listens on.
+        public_url: where a web server in front of it is reached.
+    """
     hosts = {"localhost", "127.0.0.1", "::1", listening_on.lower()}
     if _is_number(listening_on) and ipaddress.ip_address(listening_on).is_unspecified:
         hosts |= {"*", socket.gethostname().lower(), socket.getfqdn().lower()}
+    if public_url is not None:
+        hosts.add((urlsplit(public_url).hostname or "").lower())
     return hosts
 
 

@@ -95,6 +95,7 @@ class MapApp:
         host: str = "127.0.0.1",
         is_private: bool = True,
         areas: AreaMapping | None = None,
+        public_url: str | None = None,
     ) -> None:
         self.document = document
         self.areas = areas
@@ -109,7 +110,12 @@ class MapApp:
         self.app = Starlette(
             routes=self._routes(),
             middleware=[
-                Middleware(Guard, hosts=known_hosts(host), token=self.token, is_private=is_private)
+                Middleware(
+                    Guard,
+                    hosts=known_hosts(host, public_url),
+                    token=self.token,
+                    is_private=is_private,
+                )
             ],
             exception_handlers={
                 HypermapError: refuse,

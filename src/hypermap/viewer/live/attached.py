@@ -184,5 +184,5 @@ def _file(layer: str, note: Note, each: Attachment) -> dict[str, Any]:
         "size": each.size,
         "sha256": each.sha256,
         "is_there": each.is_there,
-        "url": f"/api/notes/{quote(layer, safe='')}/{note.id}/{each.sha256}",
+        "url": f"api/notes/{quote(layer, safe='')}/{note.id}/{each.sha256}",
     }

@@ -24,8 +24,8 @@ from hypermap.viewer.live.layers import LayerViews
 from hypermap.viewer.live.measured_values import describe_values
 from hypermap.viewer.live.page import PAGE, not_built
 
-_STYLE = '<link rel="stylesheet" href="/page/app.css">'
-_SCRIPT = '<script type="module" src="/page/app.js"></script>'
+_STYLE = '<link rel="stylesheet" href="page/app.css">'
+_SCRIPT = '<script type="module" src="page/app.js"></script>'
 _BLOB = "<!-- hypermap:blob -->"
 _HEAD = "<!-- hypermap:head -->"
 

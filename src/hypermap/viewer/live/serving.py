@@ -81,9 +81,15 @@ def is_local(host: str) -> bool:
         return host == "localhost"
 
 
-def url_of(app: Served, listening: socket.socket) -> str:
-    """Return the address of the page, with the token if visitors must know it."""
-    return _url(listening, app.token if app.is_private else None)
+def url_of(app: Served, listening: socket.socket, public_url: str | None = None) -> str:
+    """Return the address of the page, with the token if visitors must know it.
+
+    Args:
+        app: what is served.
+        listening: from `listen`.
+        public_url: where a web server in front of it is reached.
+    """
+    return _url(listening, app.token if app.is_private else None, public_url)
 
 
 def open_browser(app: Served, listening: socket.socket) -> None:
@@ -94,12 +100,13 @@ def open_browser(app: Served, listening: socket.socket) -> None:
     threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
 
-def _url(listening: socket.socket, token: str | None) -> str:
+def _url(listening: socket.socket, token: str | None, public_url: str | None = None) -> str:
     host, port = listening.getsockname()[:2]
     if host in ("0.0.0.0", "::"):  # everywhere; this machine's browser goes the short way
         host = "127.0.0.1" if host == "0.0.0.0" else "::1"
+    root = public_url or f"http://{f'[{host}]' if ':' in host else host}:{port}"
     query = "" if token is None else f"?{TOKEN_QUERY}={token}"
-    return f"http://{f'[{host}]' if ':' in host else host}:{port}/{query}"
+    return f"{root.rstrip('/')}/{query}"
 
 
 def serve(app: Served, listening: socket.socket, on_start: Callable[[], None]) -> None:

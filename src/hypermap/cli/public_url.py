@@ -1,0 +1,25 @@
+"""`--public-url`: where clients reach a server that is behind a web server."""
+
+from __future__ import annotations
+
+from urllib.parse import urlsplit
+
+from hypermap.core.errors import HypermapError
+
+
+def check_public_url(url: str | None) -> None:
+    """Raise a HypermapError if there is an address and links cannot begin with it."""
+    if url is not None and not _is_root(url):
+        raise HypermapError(
+            "--public-url must be the address of a web server, as https://maps.example or "
+            "https://maps.example/objects"
+        )
+
+
+def _is_root(url: str) -> bool:
+    try:
+        parts = urlsplit(url)
+    except ValueError:
+        return False
+    has_more = parts.query or parts.fragment or "@" in parts.netloc
+    return parts.scheme in ("http", "https") and bool(parts.hostname) and not has_more
