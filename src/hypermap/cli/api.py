@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from hypermap.cli.public_url import check_public_url
+from hypermap.cli.public_url import PublicUrl, check_public_url
 from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import StoreAddress
 from hypermap.cli.terminal import note
@@ -44,15 +44,7 @@ def command(
             help="Secret that clients must know.",
         ),
     ] = None,
-    public_url: Annotated[
-        str | None,
-        typer.Option(
-            metavar="URL",
-            show_default="the address of each request",
-            help="Where clients reach the service, if it is behind a web server; its links begin "
-            "with it.",
-        ),
-    ] = None,
+    public_url: PublicUrl = None,
     allow_edits: Annotated[
         bool,
         typer.Option(

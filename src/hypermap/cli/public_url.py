@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Annotated
 from urllib.parse import urlsplit
 
+import typer
+
 from hypermap.core.errors import HypermapError
+
+PublicUrl = Annotated[
+    str | None,
+    typer.Option(
+        "--public-url",
+        metavar="URL",
+        show_default=False,
+        help="Where clients reach it, if it is behind a web server: https://maps.example/lab.",
+    ),
+]
 
 
 def check_public_url(url: str | None) -> None:

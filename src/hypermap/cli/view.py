@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.options import Force, MapPath, check_output
-from hypermap.cli.public_url import check_public_url
+from hypermap.cli.public_url import PublicUrl, check_public_url
 from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import followed_site
 from hypermap.cli.terminal import note, say
@@ -41,14 +41,7 @@ def command(
             "encrypted.",
         ),
     ] = "127.0.0.1",
-    public_url: Annotated[
-        str | None,
-        typer.Option(
-            metavar="URL",
-            show_default=False,
-            help="Where visitors reach the page, if it is behind a web server.",
-        ),
-    ] = None,
+    public_url: PublicUrl = None,
     no_token: Annotated[
         bool,
         typer.Option(
