@@ -4,6 +4,7 @@ import pytest
 from PIL import Image
 
 from hypermap import Hypermap, SemanticLayer, save_map
+from hypermap.core.opaque import OpaqueLayer
 
 from ..recordings.bag_builder import write_bag
 from ..recordings.shots import SHOTS
@@ -31,6 +32,17 @@ def test_a_map_is_described_for_people(hypermap, room_map):
     assert "semantic: 2 chair, 1 potted plant" in text
     assert "30 x 20 cells of 0.5 m: Free 180, Occupied 20, Unknown 400" in text
     assert "frame room is in map at x 10, y 0, yaw 1.5708" in text
+
+
+def test_a_layer_says_in_its_own_words_what_it_holds(hypermap, tmp_path):
+    layers = [
+        SemanticLayer("semantic", "map"),
+        OpaqueLayer("HeatLayer", "heat", "map", load_file=False),
+    ]
+    save_map(Hypermap(layers), tmp_path / "a.hmap")
+    result = hypermap("info", tmp_path / "a.hmap", "--json")
+    assert "HeatLayer" in result.json["layers"][1]["summary"]
+    assert "whose plug-in is not installed" in hypermap("info", tmp_path / "a.hmap").out
 
 
 def test_settings_are_shown_when_asked_for(hypermap, tmp_path):

@@ -264,7 +264,7 @@ def test_an_experiment_saves_the_figures_of_methods_that_work(
 
 def test_of_two_packages_with_a_method_of_one_name_none_is_taken(installed: Path) -> None:
     install_package(installed, "other", ENTRY_POINT_GROUP, {"boxes": "other:Boxes"})
-    with pytest.raises(HypermapError, match=r"other:Boxes.* have the same name; uninstall one"):
+    with pytest.raises(HypermapError, match=r"other:Boxes of other.* have the same name 'boxes'"):
         named_method("boxes")
 
 

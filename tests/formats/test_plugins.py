@@ -98,6 +98,15 @@ def test_a_plugin_that_does_not_work_is_named(install: Path, class_name: str, me
     assert str(error.value).startswith(message)
 
 
+def test_of_two_packages_with_layers_of_one_class_none_is_taken(install: Path) -> None:
+    other = {"RoomLayer": "other_rooms:PLUGIN", "HalfLayer": "half_rooms"}
+    install_package(install, "other-rooms", "hypermap.layers", other)
+    with pytest.raises(HypermapError, match=r"of other-rooms.* have the same name 'RoomLayer'"):
+        plugin_for("RoomLayer")
+    with pytest.raises(HypermapError, match="has no function 'save'"):  # both offer the same one
+        plugin_for("HalfLayer")
+
+
 @pytest.mark.usefixtures("install")
 def test_what_a_plugin_raises_is_reported_as_the_plugins(tmp_path: Path) -> None:
     class Failing(OccupancyLayer):

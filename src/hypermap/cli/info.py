@@ -114,6 +114,7 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         "class": layer.class_name,
         "frame_id": layer.frame_id,
         "extent": None if extent.is_empty else list(extent.bounds),
+        "summary": layer.summary(),
     }
     if isinstance(layer, SemanticLayer):
         content |= _describe_objects(layer)
@@ -130,7 +131,6 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         content["notes"] = len(layer)
         content["files"] = len(files)
         content["missing_files"] = [each.name for each in files if not each.is_there]
-        content["summary"] = layer.summary()
     return content
 
 
@@ -157,7 +157,6 @@ def _describe_values(layer: ValueLayer) -> dict[str, Any]:
         "max": found.most,
         "samples": None if layer.samples is None else len(layer.samples),
         "made_by": layer.made_by,
-        "summary": layer.summary(),
     }
 
 

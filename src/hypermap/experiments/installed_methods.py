@@ -8,12 +8,13 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, Protocol, TypeAlias
 
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
+from hypermap.entry_points import entry_point, installed
 from hypermap.mapping.config import MappingConfig
 from hypermap.perception.frame import RgbdFrame
 
@@ -125,7 +126,7 @@ class _NamedRun:
 
 def installed_names() -> list[str]:
     """Return the names of all methods that are installed, in alphabetical order."""
-    return sorted({entry.name for entry in _installed()})
+    return installed(ENTRY_POINT_GROUP)
 
 
 def installed_method(name: str) -> MappingConfig | InstalledMethod:
@@ -150,22 +151,15 @@ def installed_method(name: str) -> MappingConfig | InstalledMethod:
     )
 
 
-def _installed() -> Sequence[EntryPoint]:
-    return tuple(entry_points(group=ENTRY_POINT_GROUP))
-
-
 def _found(name: str) -> EntryPoint:
-    found = [entry for entry in _installed() if entry.name == name]
-    if not found:
+    found = entry_point(ENTRY_POINT_GROUP, name)
+    if found is None:
         hint = did_you_mean(name, installed_names())
         raise HypermapError(
             f"--method {name}: no such method is installed; {hint}; "
             "a configuration is a file, NAME.yaml"
         )
-    if len(found) > 1:
-        sources = " and ".join(entry.value for entry in found)
-        raise HypermapError(f"--method {name}: {sources} have the same name; uninstall one of them")
-    return found[0]
+    return found
 
 
 def _loaded(entry: EntryPoint) -> Any:

@@ -61,12 +61,14 @@ def plugin_for(class_name: str) -> LayerPlugin | None:
     """Return the plug-in for a kind of layer; None if none is installed.
 
     Raises:
-        HypermapError: If the plug-in is installed, but does not work.
+        HypermapError: If the plug-in is installed, but does not work, or several are.
     """
     if class_name in _OURS:  # nobody can replace ours, so no search is needed
         return _ours(class_name)
-    entry_point = _theirs().get(class_name)
-    return None if entry_point is None else _load(entry_point)
+    from hypermap.entry_points import entry_point  # looks into all packages, which takes a while
+
+    found = entry_point(ENTRY_POINT_GROUP, class_name)
+    return None if found is None else _load(found)
 
 
 @contextlib.contextmanager
@@ -95,22 +97,14 @@ def blamed_on_plugin(class_name: str, work: str) -> Iterator[None]:
 
 def installed_layers() -> tuple[str, ...]:
     """Return the class names of all kinds of layers that can be read, ours first."""
-    return (*_OURS, *(name for name in _theirs() if name not in _OURS))
+    from hypermap.entry_points import installed
+
+    return (*_OURS, *(name for name in installed(ENTRY_POINT_GROUP) if name not in _OURS))
 
 
 def _ours(class_name: str) -> LayerPlugin:
     module, _, name = _OURS[class_name].partition(":")
     return cast(LayerPlugin, getattr(importlib.import_module(module), name))
-
-
-def _theirs() -> dict[str, EntryPoint]:
-    """Return the entry points of the layers of other packages."""
-    from importlib.metadata import entry_points  # looks into all packages, which takes a while
-
-    found: dict[str, EntryPoint] = {}
-    for point in sorted(entry_points(group=ENTRY_POINT_GROUP), key=lambda point: point.name):
-        found.setdefault(point.name, point)
-    return found
 
 
 @functools.cache
@@ -123,7 +117,8 @@ def _load(entry_point: EntryPoint) -> LayerPlugin:
     except Exception as error:  # importing another package may raise anything
         raise HypermapError(
             f"the plug-in for layers of class {name!r} ({value}) cannot be imported: "
-            f"{type(error).__name__}: {error}"
+            f"{type(error).__name__}: {error}; update its package, or uninstall it: then the "
+            "other layers can be used, and these are kept as they are"
         ) from error
     missing = [verb for verb in ("empty", "load", "save") if not callable(getattr(plugin, verb, 0))]
     if missing:

@@ -44,6 +44,13 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("installed")
+def test_of_two_packages_with_a_detector_of_one_name_none_is_taken(tmp_path: Path) -> None:
+    install_package(tmp_path, "other", "hypermap.detectors", {"whole": "other:WholeImage"})
+    with pytest.raises(HypermapError, match=r"have the same name 'whole' in hypermap.detectors"):
+        load_detector("whole:a")
+
+
+@pytest.mark.usefixtures("installed")
 def test_a_detector_of_another_package_gets_what_stands_after_its_name() -> None:
     found = load_detector("whole:a:room").detect(np.zeros((3, 4, 3), np.uint8))
     assert list(found.names) == ["a:room"]

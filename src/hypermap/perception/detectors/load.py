@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError, did_you_mean
+from hypermap.entry_points import entry_point, installed
 from hypermap.perception.detections import Detector
 from hypermap.perception.detectors.catalog import known_network
 
@@ -39,20 +40,19 @@ def load_detector(
         HypermapError: If no detector of that name is installed, or it cannot be made.
     """
     name, colon, argument = str(path).partition(":")
-    installed = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
-    if colon and name in installed:
-        return _made_by(installed[name], argument)
+    plugin = entry_point(ENTRY_POINT_GROUP, name)
+    if colon and plugin is not None:
+        return _made_by(plugin, argument)
     if colon and Path(path).suffix.lower() != ".onnx" and not Path(path).exists():
-        raise HypermapError(
-            f"{path}: no detector {name!r} is installed; {did_you_mean(name, installed)}"
-        )
+        hint = did_you_mean(name, installed(ENTRY_POINT_GROUP))
+        raise HypermapError(f"{path}: no detector {name!r} is installed; {hint}")
     from hypermap.perception.detectors.onnx_detector import OnnxDetector
 
     network = None if Path(path).exists() else known_network(str(path))
     if network is not None:
         path = network.downloaded()
     elif not Path(path).exists():
-        if name in installed:
+        if plugin is not None:
             raise HypermapError(
                 f"{path}: the installed detector of this name needs an argument: {name}:ARGUMENT"
             )

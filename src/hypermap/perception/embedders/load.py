@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from functools import lru_cache
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.entry_points import entry_point, installed
 from hypermap.perception.embedders.embedder import Embedder
 
 ENTRY_POINT_GROUP = "hypermap.embedders"
@@ -29,10 +29,10 @@ def load_embedder(path: str | Path, threads: int | None = None) -> Embedder:
         HypermapError: If no embedder of that name is installed, or it cannot be made.
     """
     name, colon, argument = str(path).partition(":")
-    installed = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
-    if colon and name in installed:
+    plugin = entry_point(ENTRY_POINT_GROUP, name)
+    if colon and plugin is not None:
         try:
-            made: Embedder = installed[name].load()(argument)
+            made: Embedder = plugin.load()(argument)
         except (HypermapError, MemoryError):
             raise
         except Exception as error:
@@ -41,7 +41,7 @@ def load_embedder(path: str | Path, threads: int | None = None) -> Embedder:
             ) from error
         return made
     if colon and not Path(path).exists():
-        hint = did_you_mean(name, installed)
+        hint = did_you_mean(name, installed(ENTRY_POINT_GROUP))
         raise HypermapError(f"{path}: no embedder {name!r} is installed; {hint}")
     from hypermap.perception.embedders.onnx_embedder import OnnxEmbedder
 

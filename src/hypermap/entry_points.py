@@ -1,0 +1,31 @@
+"""What other packages offer: objects that they register as entry points in a group."""
+
+from __future__ import annotations
+
+from importlib import metadata
+
+from hypermap.core.errors import HypermapError
+
+
+def installed(group: str) -> list[str]:
+    """Return the names in a group, in alphabetical order."""
+    return sorted({entry.name for entry in metadata.entry_points(group=group)})
+
+
+def entry_point(group: str, name: str) -> metadata.EntryPoint | None:
+    """Return the entry point of a name in a group; None if there is none.
+
+    Raises:
+        HypermapError: If packages offer different objects of this name: nobody could tell which of
+            them has been used.
+    """
+    found = {entry.value: entry for entry in metadata.entry_points(group=group, name=name)}
+    if len(found) > 1:
+        both = " and ".join(_source(entry) for entry in found.values())
+        raise HypermapError(f"{both} have the same name {name!r} in {group}; uninstall one of them")
+    return next(iter(found.values()), None)
+
+
+def _source(entry: metadata.EntryPoint) -> str:
+    package = "" if entry.dist is None else f" of {entry.dist.name}"
+    return f"{entry.value}{package}"
