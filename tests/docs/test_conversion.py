@@ -92,6 +92,58 @@ def test_a_scan_of_stray_scanner_becomes_a_recording_of_numbered_images(tmp_path
     assert_reads(tmp_path, written_poses(), RecordingOptions())
 
 
+def test_a_package_of_openloris_becomes_a_tum_folder(tmp_path: Path) -> None:
+    stamps = [f"{1559.5 + i / 10:.6f}" for i in range(FRAMES)]
+    write_images(
+        lambda i: tmp_path / f"aligned_depth/{stamps[i]}.png",
+        lambda i: tmp_path / f"color/{stamps[i]}.png",
+    )
+    for name in ("color", "aligned_depth", "depth"):
+        lines = [f"{stamp} {name}/{stamp}.png" for stamp in stamps]
+        (tmp_path / f"{name}.txt").write_text("#Time filename\n" + "\n".join(lines))
+    mast_T_camera, base_T_mast = np.eye(4), np.eye(4)
+    mast_T_camera[:3, :3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
+    base_T_mast[:3, 3] = [0.2, 0.01, 1.0]
+    text = "%YAML:1.0\n---\ntrans_matrix:\n"
+    for parent, child, matrix in (
+        ("d400_color", "d400_color_optical_frame", mast_T_camera),
+        ("base_link", "d400_color", base_T_mast),
+    ):
+        numbers = ", ".join(map(str, matrix.ravel()))
+        text += f"-\n  parent_frame: {parent}\n  child_frame: {child}\n  matrix: !!opencv-matrix\n"
+        text += f"     rows: 4\n     cols: 4\n     dt: d\n     data: [ {numbers} ]\n"
+    (tmp_path / "trans_matrix.yaml").write_text(text)
+    robot = written_poses() @ np.linalg.inv(base_T_mast @ mast_T_camera)
+    quaternions = Rotation.from_matrix(robot[:, :3, :3]).as_quat()
+    rows = np.column_stack([np.array(stamps, float), robot[:, :3, 3], quaternions])
+    np.savetxt(tmp_path / "groundtruth.txt", rows, header="Time px py pz qx qy qz qw")
+    for _ in range(2):  # a second time changes nothing
+        documented("add_to_openloris")(tmp_path)
+    options = RecordingOptions(depth_scale=1000, intrinsics=(10, 11, 3.5, 2.75))
+    assert_reads(tmp_path, written_poses(), options)
+
+
+def test_a_camera_of_matterport_becomes_a_recording_of_numbered_images(tmp_path: Path) -> None:
+    scan, lines = tmp_path / "scan", ["dataset matterport", f"n_images {2 * FRAMES}", ""]
+    names = {kind: [f"ab_{kind}1_{i}" for i in range(FRAMES)] for kind in "di"}
+    scan.mkdir()
+    write_images(
+        lambda i: scan / f"undistorted_depth_images/{names['d'][i]}.png",
+        lambda i: scan / f"undistorted_color_images/{names['i'][i]}.jpg",
+    )
+    lines.append("intrinsics_matrix 9 0 3.5 0 9 2.5 0 0 1")
+    lines += [f"scan ab_d0_{i}.png ab_i0_{i}.jpg " + "1 " * 16 for i in range(FRAMES)]
+    lines.append(f"intrinsics_matrix 10 0 3.5  0 11 {HEIGHT - 1 - 2.75} 0 0 1")
+    for i, pose in enumerate(written_poses() @ UP_BACKWARD):
+        numbers = " ".join(map(str, pose.ravel()))
+        lines.append(f"scan {names['d'][i]}.png {names['i'][i]}.jpg {numbers}")
+    (scan / "undistorted_camera_parameters").mkdir()
+    (scan / "undistorted_camera_parameters/scan.conf").write_text("\n".join(lines) + "\n")
+    documented("copy_from_matterport")(scan, 1, tmp_path / "ahead")
+    options = RecordingOptions(pose_convention="opengl", depth_scale=1000)
+    assert_reads(tmp_path / "ahead", written_poses(), options)
+
+
 @pytest.mark.parametrize("per_frame", [False, True])
 def test_transforms_json_becomes_a_recording_of_numbered_images(
     tmp_path: Path, per_frame: bool
