@@ -195,3 +195,44 @@ def test_outlines_that_cross_themselves_are_compared_all_the_same() -> None:
     layer = SemanticLayer("semantic", "map", crossed[:1])
     second = dataclasses.replace(second, before=layer, after=[crossed[1], CHAIR])
     assert second.chance(CAME) < 0.01
+
+
+THING = SemanticObject("bin", shapely.box(1.8, 0.1, 2.2, 0.5), id=8, attributes=HEIGHTS)
+SHELF = dataclasses.replace(THING, footprint=shapely.box(1.9, -0.2, 2.1, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("item", "here", "reach", "stays"),
+    [
+        (CHAIR, 2.0, 2.0, True),
+        (CHAIR, 2.0, 6.0, False),  # the place is empty
+        (CHAIR, 6.0, 6.0, False),  # rays pass it in any case
+        (SHELF, 2.0, 2.0, False),  # rays would end at the wall behind
+    ],
+)
+def test_what_stops_as_many_rays_as_before_did_not_come_or_go(
+    item: SemanticObject, here: float, reach: float, stays: bool
+) -> None:
+    with_it = {"reach": here, "shapes": [item.footprint]}
+    for kind, days in (
+        (ADDED, (frames(0, *EMPTY, reach=reach), frames(1, *SEEN, **with_it))),
+        (GONE, (frames(0, *SEEN, **with_it), frames(1, *EMPTY, reach=reach))),
+    ):
+        change = Change(kind, "semantic", *((None, item) if kind == ADDED else (item, None)))
+        assert (look(*days).chance(change) > 0.8) == stays
+
+
+@pytest.mark.parametrize(("x", "stays"), [(0.0, False), (0.5, True)])
+def test_another_thing_that_has_come_instead_stops_rays_too(x: float, stays: bool) -> None:
+    bin_ = dataclasses.replace(THING, footprint=shapely.affinity.translate(THING.footprint, 0, x))
+    with_it, without = frames(0, *SEEN, reach=2.0), frames(1, *EMPTY, reach=2.0)
+    before = SemanticLayer("semantic", "map", [CHAIR])
+    second = dataclasses.replace(look(with_it, without), before=before, after=[bin_])
+    assert (second.chance(LEFT) > 0.8) == stays
+    known = SemanticLayer("semantic", "map", [CHAIR, bin_])
+    second = dataclasses.replace(look(with_it, without), before=known, after=[bin_])
+    assert second.chance(LEFT) > 0.8  # it was there before
+    moved = [dataclasses.replace(bin_, footprint=shapely.box(4, 0, 4.4, 0.4)), CHAIR]
+    second = dataclasses.replace(look(without, with_it), before=before, after=moved)
+    second = dataclasses.replace(second, before=SemanticLayer("semantic", "map", [bin_]))
+    assert (second.chance(CAME) > 0.8) == stays  # it was there, and has made room

@@ -2,7 +2,8 @@
 
 Two maps of one place may differ although nothing has changed: an object is lost among others like
 it, or had too few detections for one of the maps. The frames of both drives tell this apart from
-objects that came or went: where these were not, the detector has found nothing like them.
+objects that came or went: where these were not, the detector has found nothing like them, and rays
+have passed that the object would have stopped.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from hypermap.core.history import ADDED, Change
 from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import valid_copies
-from hypermap.history.likeness import MIN_MOVED, distance_between
+from hypermap.history.likeness import MIN_MOVED, MIN_SHIFT, distance_between
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive, rows_of_drives
 from hypermap.mapping.evidence_buffer import CONFIRMED
@@ -35,10 +36,36 @@ from hypermap.mapping.prepared_polygon import PreparedPolygon
 _VISIBLE = 0.5  # share of an object that a frame must be able to see
 _BESIDE = 0.1  # [m] between an object and a detection of it, at most
 _NEXT = 0.5  # [m] between two objects, one of which may be a second one of the other
-_LARGE = 0.3  # [m]; smaller objects cannot be told from others beside them
+_LARGE = 0.3  # [m]; smaller objects cannot be told from others beside them, or walls behind
 _APART = 0.1  # share of an object that another one beside it may seem to take
 _FOUND = 0.8  # share of such frames that detect an object which is there
 _FALSE = 0.05  # share of those that detect one which is not there
+_DIFFERS = 0.35  # share of the rays stopped by an object from which on more or fewer pass
+_THIN = 0.85  # share of the rays that pass a thin object, such as a lamp
+_IN_PLACE = 0.1  # share of an object's floor on which another thing may be there instead
+_AS_FULL = 0.9  # how likely an object has stayed if as many rays end in its place as before
+
+
+@dataclass(frozen=True)
+class _Looks:
+    """How a drive has seen the place of an object.
+
+    Attributes:
+        shown: frames that could see it.
+        detected: of these, frames that detect it.
+        passed: share of the rays towards it that ended behind, 0..1, the median of the frames.
+    """
+
+    shown: int
+    detected: int
+    passed: float
+
+    @property
+    def chance(self) -> float:
+        """How likely the object is there; before these frames, it may as well be as not."""
+        odds = self.detected * math.log(_FOUND / _FALSE)
+        odds += (self.shown - self.detected) * math.log((1 - _FOUND) / (1 - _FALSE))
+        return 0.5 * (1 + math.tanh(odds / 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,31 +100,55 @@ class SecondLook:
         present, *earlier = rows_of_drives(len(self.log.frames), self.drives)[::-1]
         has_come, item, shapes = change.kind == ADDED, change.object, self._with_rivals(change)
         without, within = (earlier, [present]) if has_come else ([present], earlier)
-        stayed = self._chance_in(without, item, self._with_neighbors(item), unseen=0.0)
-        if len(shapes) == 1:
-            return stayed
-        return max(stayed, 1 - self._chance_in(within, item, shapes, unseen=1.0))
+        looks = self._looks_in(without, item, self._with_neighbors(item))
+        there = self._looks_in(within, item, shapes)
+        stayed = 0.0 if looks is None else looks.chance
+        if looks is not None and there is not None and self._is_as_full(change, looks, there):
+            stayed = max(stayed, _AS_FULL)
+        if len(shapes) > 1 and there is not None:
+            stayed = max(stayed, 1 - there.chance)
+        return stayed
 
-    def _chance_in(
-        self,
-        drives: Sequence[slice],
-        item: SemanticObject,
-        shapes: Sequence[BaseGeometry],
-        unseen: float,
-    ) -> float:
-        """Return how likely an object was there in the first of some drives that could see it.
+    def _looks_in(
+        self, drives: Sequence[slice], item: SemanticObject, shapes: Sequence[BaseGeometry]
+    ) -> _Looks | None:
+        """Return the looks of the first of some drives that could see an object; None for none.
 
         Args:
             drives: rows of the log.
             item: the object.
             shapes: its own, and those of objects whose detections do not count; see `_looks`.
-            unseen: the answer if no drive could see it.
         """
-        for rows in drives:
-            shown, detected = self._looks(item, rows, shapes)
-            if shown:
-                return _chance(shown, detected)
-        return unseen
+        found = (self._looks(item, rows, shapes) for rows in drives)
+        return next((looks for looks in found if looks is not None), None)
+
+    def _is_as_full(self, change: Change, without: _Looks, within: _Looks) -> bool:
+        """Return whether its place stops as many rays as with the object, which has thus stayed.
+
+        Another thing that has come to its place, or left it, may have stopped them. Of what is thin
+        or flat, rays tell nothing: they end at the wall behind.
+        """
+        if within.passed > _THIN:
+            return False
+        if abs(without.passed - within.passed) >= _DIFFERS * (1 - within.passed):
+            return False
+        own, *others = valid_copies(as_objects([change.object.footprint, *self._instead(change)]))
+        if _depth(own) < _LARGE:
+            return False
+        shared = shapely.area(shapely.intersection(others, own))
+        return not (shared > _IN_PLACE * own.area).any()
+
+    def _instead(self, change: Change) -> list[BaseGeometry]:
+        """Return the shapes of other objects that only the map without this one has there."""
+        maps = [[] if self.before is None else self.before.objects(), self.after]
+        here, elsewhere = maps if change.kind == ADDED else maps[::-1]
+        kept = {item.id: item for item in elsewhere}
+        return [
+            item.footprint
+            for item in here
+            if item.id != change.object.id
+            and (item.id not in kept or distance_between(item, kept[item.id]) >= MIN_SHIFT)
+        ]
 
     def _with_rivals(self, change: Change) -> list[BaseGeometry]:
         """Return the shape of what came or went, then those of its class beside it on that map."""
@@ -109,26 +160,27 @@ class SecondLook:
 
     def _looks(
         self, item: SemanticObject, rows: slice, shapes: Sequence[BaseGeometry]
-    ) -> tuple[int, int]:
-        """Return how many frames of a drive could see an object, and how many of them detect it.
+    ) -> _Looks | None:
+        """Return how the frames of a drive have seen an object; None if none could see it.
 
         Detections that rather are of the others of some `shapes`, of which its own is the first, do
         not count.
         """
         heights = [item.attributes.get(name) for name in ("z_min", "z_max")]
         if item.footprint.is_empty or not all(isinstance(one, int | float) for one in heights):
-            return 0, 0
+            return None
         samples, config = sample_points([PreparedPolygon.of(item.footprint)]), self.config.evidence
-        shown = detected = 0
+        passed: list[float] = []
+        detected = 0
         for frame in self._frames_near(item, rows):
             view = frame.observation.view
             if view is None or not frame.finds_objects:
                 continue
             seen = visible_shares(view, samples, np.array([heights], float), config.tolerance)
             if seen.visible[0] >= _VISIBLE:
-                shown += 1
+                passed.append(seen.beyond[0] / seen.visible[0])
                 detected += _detects(frame, item.name, shapes)
-        return shown, detected
+        return _Looks(len(passed), detected, float(np.median(passed))) if passed else None
 
     def _with_neighbors(self, item: SemanticObject) -> list[BaseGeometry]:
         """Return the shape of an object, then those of unmoved ones that may have been detected.
@@ -202,17 +254,15 @@ def _detects(frame: LoggedFrame, name: str, shapes: Sequence[BaseGeometry]) -> b
     return 0 not in free[1]
 
 
+def _depth(shape: BaseGeometry) -> float:
+    """Return the shorter side of the smallest rectangle around a shape [m]."""
+    if shape.area == 0:
+        return 0.0
+    a, b, c, *_ = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))
+    return float(min(np.hypot(*(b - a)), np.hypot(*(c - b))))
+
+
 def _shared(one: BaseGeometry, other: BaseGeometry) -> float:
     """Return the share of the smaller of two shapes that is in the other one, 0..1."""
     least = min(one.area, other.area)
     return float(shapely.area(shapely.intersection(one, other)) / least) if least else 0.0
-
-
-def _chance(shown: int, detected: int) -> float:
-    """Return how likely an object is there that so many frames could see, and so many detect.
-
-    Before them, it is as likely to be there as not.
-    """
-    odds = detected * math.log(_FOUND / _FALSE)
-    odds += (shown - detected) * math.log((1 - _FOUND) / (1 - _FALSE))
-    return 0.5 * (1 + math.tanh(odds / 2))
