@@ -375,7 +375,7 @@ def test_what_was_not_heard_is_reported(hypermap, flat, tmp_path):
             "1 sample with a value is too few to estimate",
         ),
         ("x,y,value\n1,1,-99\n", ["--censored-below", "-95"], "none of the 1 samples has a value"),
-        ("x,y,value\n99,1,20\n", [], "all 1 samples are off the map, which reaches from"),
+        ("x,y,value\n99,1,20\n", [], "no sample of 1 is on the map, which reaches from"),
         ("x,y,value\n1,1,20\n", ["--resolution", "0", "--method", "nearest"], "resolution must be"),
         ("x,y,value\n1,1,nan\n", [], "no usable sample: 1 sample without a number"),
         ("x,y,value\n1,1,20\n", ["--method", "krig"], "expected one of gmrf, kernel, nearest"),

@@ -21,7 +21,7 @@ def test_each_kind_of_reason_is_warned_of_once_and_the_others_are_counted(
     assert warned == [
         "frame 0.000000 left out: depth/0.png: the picture is damaged",
         "frame 3.000000 left out: its pose is not finite",
-        "2 more frames were left out for the same reasons (-v lists them)",
+        "left out for the same reasons: 2 frames more (-v lists them)",
     ]
     assert left_out.first_reason == "depth/0.png: the picture is damaged"
 

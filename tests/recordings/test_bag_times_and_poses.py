@@ -60,7 +60,7 @@ def test_images_that_were_recorded_late_and_out_of_order_find_each_other(bag: Ba
     recording = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS))
     for frame, shot in zip(recording.frames(), SHOTS, strict=True):
         assert_shows(frame, shot)
-    assert "1 images repeat a stamp and are left out" in recording.info().notes
+    assert "1 image left out: with the stamp of another" in recording.info().notes
 
 
 def test_a_message_without_a_stamp_takes_the_time_of_recording(bag: BagBuilder) -> None:

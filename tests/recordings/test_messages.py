@@ -100,8 +100,8 @@ def test_broken_transforms_and_second_parents_are_noted() -> None:
     assert tree.motion("odom", "base").at([2.0])[0, 0, 3] == 7
     assert notes == [
         "frame 'base' has several parents in tf (odom, map); 'odom' is used",
-        "2 transforms are not finite and are left out",
-        "2 transforms do not name their frames and are left out",
+        "2 transforms left out: not finite",
+        "2 transforms left out: without names of frames",
     ]
 
 

@@ -101,7 +101,7 @@ def test_poses_out_of_order_and_repeated_are_sorted_out_and_noted(folder: Path) 
     path.write_text("\n".join([*lines[::-1], lines[0]]))
     assert opened(folder).info().notes == (
         "the stamps of groundtruth.txt were out of order and have been sorted",
-        "1 poses of groundtruth.txt repeat a stamp and are left out",
+        "1 pose of groundtruth.txt left out: with the stamp of another",
     )
 
 

@@ -111,17 +111,17 @@ def test_what_is_typed_is_carried_out_on_the_map_that_is_served(terminal, rospy,
     served.ask("fly", "error: unknown command 'fly'")
     served.ask(f"load {tmp_path}/nowhere.hmap", "there is no such file")
     assert client.string("semantic", 9.5, 1) == "table"
-    served.ask(f'load "{other}"', "loaded 1 layers")
+    served.ask(f'load "{other}"', "loaded 1 layer ")
     assert client.string("occupancy", 0.5, 0.5) == "Occupied"
     heard = client.heard("occupancy_map", "nav_msgs/OccupancyGrid", lambda m: m.info.width == 1)
     assert list(heard.data) == [100]
-    served.ask("republish", "published 1 layers again")
-    served.ask(f"save {tmp_path}/saved.hmap", "saved 1 layers")
+    served.ask("republish", "published 1 layer again")
+    served.ask(f"save {tmp_path}/saved.hmap", "saved 1 layer ")
     served.ask("clear", "the map is empty now")
     assert "known: none" in client.refused(
         "get_string_at_point", "GetStringAtPoint", layer="x", location=client.point(0, 0)
     )
-    served.ask(f"load {tmp_path}/saved.hmap", "loaded 1 layers")
+    served.ask(f"load {tmp_path}/saved.hmap", "loaded 1 layer ")
     assert client.string("occupancy", 0.5, 0.5) == "Occupied"
     served.type("exit\r")
     assert served.ends() == 0, served.shown

@@ -222,7 +222,7 @@ def test_services_save_and_clear_the_map(
         with pytest.raises(rospy.ServiceException):
             save(wrong)
     clear = rospy.ServiceProxy(f"{name}/clear", service_class("std_srvs/Trigger"))
-    assert clear().message == f"{len(layer)} objects are forgotten"
+    assert clear().message == f"{len(layer)} objects forgotten"
     assert len(node.semantic) == 0
 
 

@@ -63,7 +63,7 @@ def test_samples_off_the_map_are_left_out_and_all_of_them_are_an_error():
     layer = value_layer_of("warmth", some, ROOM, method="nearest")
     assert layer.samples is not None
     assert len(layer.samples) == 3
-    with pytest.raises(HypermapError, match=r"all 1 samples are off the map, which reaches from"):
+    with pytest.raises(HypermapError, match=r"no sample of 1 is on the map, which reaches from"):
         value_layer_of("warmth", Samples.of([[50, 50]], [99]), ROOM, method="nearest")
 
 

@@ -12,7 +12,7 @@ from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.options import AsJson, Force, MapPath, check_output
 from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note, say, say_json
-from hypermap.text import decimal
+from hypermap.text import counted, decimal
 
 if TYPE_CHECKING:
     from hypermap.alignment import Alignment, Bend
@@ -137,7 +137,7 @@ def _tell(found: Alignment, bend: Bend | None, frame_id: str, as_json: bool) -> 
         say(f"x {x} m, y {y} m, yaw {yaw} degrees")
         say(
             f"{found.agreement:.0%} of the walls agree, {found.overlap:.0%} of the smaller map "
-            f"overlap, {found.objects} objects fit; the next best place fits "
+            f"overlap, {counted(found.objects, 'object')} fit; the next best place fits "
             f"{found.certainty:.0%} worse"
         )
         if bend is not None:

@@ -53,8 +53,7 @@ def corrected(
             correction = mapper.correct(trajectory, tell)
     except CannotCorrect as error:
         raise HypermapError(f"{poses}: {error}") from error
-    if correction is not None:
-        note(correction.sentence())
+    note(correction.sentence())
     return mapper.hypermap()
 
 

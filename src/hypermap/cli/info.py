@@ -227,7 +227,9 @@ def _drive(drive: Any) -> str:
         return f"drive {printable(drive)}"
     times = [printable(drive[key]) for key in ("began", "ended") if key in drive]
     when = f" from {' to '.join(times)}" if times else ""
-    return f"drive {printable(drive.get('name'))}{when}: {printable(drive.get('frames'))} frames"
+    frames = drive.get("frames")
+    many = counted(frames, "frame") if isinstance(frames, int) else f"{printable(frames)} frames"
+    return f"drive {printable(drive.get('name'))}{when}: {many}"
 
 
 def _has_groups(value: Any) -> bool:

@@ -53,7 +53,7 @@ def note_frames(
 
     pace = f" ({rate:.1f}/s after the first, which loads compiled code)" if rate else ""
     note(
-        f"{counts.frames} frames in {seconds:.1f} s{pace}: {counts.used} used, "
+        f"{counted(counts.frames, 'frame')} in {seconds:.1f} s{pace}: {counts.used} used, "
         f"{counts.skipped} skipped because the camera had hardly moved, "
         f"{counts.unusable} unusable"
     )

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeAlias
 
 from hypermap.cli.terminal import err, note
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.mapping.recording_to_map import Progress
@@ -144,7 +145,8 @@ def _lines(total: int) -> Report:
         nonlocal last_shown
         now = time.monotonic()
         rate = pace.after(progress.done)
-        text = f"mapping: {progress.done} of {total} frames, {progress.objects} objects"
+        text = f"mapping: {progress.done} of {counted(total, 'frame')}, "
+        text += counted(progress.objects, "object")
         if rate and now - last_shown < _EVERY:
             return
         if rate:

@@ -11,6 +11,7 @@ import typer
 from hypermap.cli.progress import counting
 from hypermap.cli.terminal import say
 from hypermap.core.errors import FormatError, HypermapError
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.perception.frame import Camera
@@ -135,12 +136,13 @@ def command(
     truth = ground_truth(described)
     truth.metadata["world"] = described.name
     save_map(truth, truth_file)
-    say(f"recording  {output}: {len(recording)} frames in {recording.info().duration:.0f} s")
+    frames, seconds = counted(len(recording), "frame"), recording.info().duration
+    say(f"recording  {output}: {frames} in {seconds:.0f} s")
     if recording.faults:
         kinds = Counter(recording.faults.values())
         listed = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
         say(f"bad frames {len(recording.faults)}: {listed}")
-    say(f"true map   {truth_file}: {len(described.objects)} objects")
+    say(f"true map   {truth_file}: {counted(len(described.objects), 'object')}")
     for change in today.changes:
         say(f"since day {day - 1}  {_told(change)}")
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hypermap.cli.finding_options import ProfileName
 from hypermap.cli.terminal import note, say
+from hypermap.text import counted
 
 # Frames per second of the simulated drive: so few that it does not take long, with what is rare.
 _RATES = {ProfileName.default: 0.5, ProfileName.thesis: 0.1}
@@ -33,7 +34,7 @@ def command() -> None:
     _find_a_little()
     seconds = time.monotonic() - began
     count = _loops.compiled_count()
-    done = f"compiled {count} functions in {seconds:.0f} s"
+    done = f"compiled {counted(count, 'function')} in {seconds:.0f} s"
     say(done if count else "everything is compiled already")
     folder, package = _loops.cache_folder(), Path(_loops.__file__).parent
     if folder.is_relative_to(package):

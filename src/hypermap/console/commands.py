@@ -28,7 +28,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map
 from hypermap.formats.backup import save_with_backup
 from hypermap.questions.asking import answer_to, parse_pose
-from hypermap.text import fit_for_json
+from hypermap.text import counted, fit_for_json
 
 _EXAMPLES = """\
 Examples:
@@ -121,14 +121,14 @@ class Console:
     def _load(self, arguments: list[str]) -> str:
         self.hypermap = open_map(_path(arguments[0]))
         self.source = arguments[0]
-        return f"loaded {len(self.hypermap.layers)} layers from {arguments[0]}"
+        return f"loaded {counted(len(self.hypermap.layers), 'layer')} from {arguments[0]}"
 
     def _save(self, arguments: list[str]) -> str:
         path = _path(arguments[0])
         if path.suffix.lower() in (".yaml", ".yml") or path.is_dir():
             raise HypermapError(f"{path}: save writes an archive; give a name that ends in .hmap")
         save_with_backup(self.hypermap, path)
-        return f"saved {len(self.hypermap.layers)} layers to {arguments[0]}"
+        return f"saved {counted(len(self.hypermap.layers), 'layer')} to {arguments[0]}"
 
     def _get_string(self, arguments: list[str]) -> str:
         layer, *coordinates = arguments

@@ -63,8 +63,8 @@ def _world(result: WorldResult, world: Data, limits: Sequence[float]) -> list[st
     shown = [name for name in (OURS, "best shape, overlap") if name in methods]
     return [
         f"<h2>{html.escape(world['world'])}</h2>",
-        f"<p class=note>{world['objects']} true objects, {counted(len(seeds), 'drive')} "
-        f"({_seeds(seeds)}) of {world['frames']} frames.</p>",
+        f"<p class=note>{counted(world['objects'], 'true object')}, {counted(len(seeds), 'drive')} "
+        f"({_seeds(seeds)}) of {counted(world['frames'], 'frame')}.</p>",
         _bound(world),
         wide(html_of(methods_table(world))),
         *([wide(html_of(intervals_table(world)))] if len(seeds) > 1 else []),

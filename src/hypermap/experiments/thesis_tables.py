@@ -35,7 +35,7 @@ def methods_table(world: Data) -> Table:
     has_any = any(method["published"] for method in world["methods"].values())
     return Table(
         f"{world['world']}-methods",
-        f"{world['world']}: {world['objects']} true objects, means over "
+        f"{world['world']}: {counted(world['objects'], 'true object')}, means over "
         f"{counted(len(world['seeds']), 'drive')}; precision, recall and F1 at an IoU of 0.25",
         (
             Column("method"),

@@ -27,6 +27,7 @@ from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.backup import ALIGNED_TO
 from hypermap.paths.floors import CONNECTORS, connectors_on, with_connector
 from hypermap.rooms.rooms import DOORS
+from hypermap.text import counted
 
 Points: TypeAlias = NDArray[np.float64]
 Places: TypeAlias = Callable[[Points], Points]
@@ -166,6 +167,8 @@ def _measured_again(
         names = {"quantity": layer.quantity, "unit": layer.unit}
         made = unknown_layer_of(layer.name, samples, frame_id, **names)
     if made.samples is not None and (lost := len(samples) - len(made.samples)):
-        _log.warning("layer %r: %d samples off the better map are left out", layer.name, lost)
+        _log.warning(
+            "layer %r: left out %s off the better map", layer.name, counted(lost, "sample")
+        )
     made.settings.update(layer.settings)
     return made

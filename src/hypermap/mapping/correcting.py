@@ -27,6 +27,7 @@ from hypermap.mapping.observed_colors import colors_in
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.tracks import TrackTable
 from hypermap.mapping.usable import FARTHEST_POSE
+from hypermap.text import counted
 
 _AT_ONCE = 64  # frames that are moved together
 _MOST_TILT = 15.0  # [degrees] by which a correction may tilt the camera, as its median
@@ -79,10 +80,8 @@ class Correction:
     def sentence(self) -> str:
         """Return it as a sentence."""
         stayed = f"; {self.kept} of other drives stayed" if self.kept else ""
-        return (
-            f"corrected the poses of {self.frames} frames by {self.mean:.2f} m on average, "
-            f"{self.most:.2f} m at most{stayed}"
-        )
+        by = f"{self.mean:.2f} m on average, {self.most:.2f} m at most"
+        return f"corrected the poses of {counted(self.frames, 'frame')} by {by}{stayed}"
 
 
 @dataclass(frozen=True, eq=False)

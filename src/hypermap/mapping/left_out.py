@@ -6,6 +6,8 @@ import logging
 import re
 from collections import Counter
 
+from hypermap.text import counted
+
 _log = logging.getLogger(__name__)
 
 
@@ -37,4 +39,6 @@ class LeftOutFrames:
         """Log how many more frames were left out for the same reasons."""
         more = self._counts.total() - len(self._counts)
         if more:
-            _log.warning("%d more frames were left out for the same reasons (-v lists them)", more)
+            _log.warning(
+                "left out for the same reasons: %s more (-v lists them)", counted(more, "frame")
+            )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import TypeAlias
+from typing import TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -276,6 +276,25 @@ class Mapper:
             self._aligner = Aligner(occupancy, self.config.alignment)
         else:
             self._aligner.replace_map(occupancy)
+
+    @overload
+    def correct(
+        self,
+        trajectory: Trajectory,
+        on_progress: Callable[[int, int], None] | None = None,
+        *,
+        is_under_way: bool = False,
+    ) -> Correction: ...
+
+    @overload
+    def correct(
+        self,
+        trajectory: Trajectory,
+        on_progress: Callable[[int, int], None] | None = None,
+        *,
+        is_under_way: bool = False,
+        least: float,
+    ) -> Correction | None: ...
 
     def correct(
         self,

@@ -22,6 +22,7 @@ from hypermap.recordings.image_lists import (
 from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import finite_numbers, read_lines, words_of
+from hypermap.text import counted
 
 _OTHER_FORMS = {  # by how many numbers they have in a line
     9: "; RTAB-Map writes 8 with --poses_format 10",
@@ -214,9 +215,8 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
     if (np.diff(table[:, 0]) < 0).any():
         notes.append(f"the stamps of {path.name} were out of order and have been sorted")
     if len(order) < len(table):
-        notes.append(
-            f"{len(table) - len(order)} poses of {path.name} repeat a stamp and are left out"
-        )
+        repeated = counted(len(table) - len(order), "pose")
+        notes.append(f"{repeated} of {path.name} left out: with the stamp of another")
     table = table[order]
     return Trajectory(table[:, 0], table[:, 1:4], table[:, 4:], max_gap), tuple(notes)
 

@@ -131,7 +131,7 @@ def on_map(samples: Samples, occupancy: OccupancyLayer | None) -> Samples:
         x, y = samples.points_xy[0]
         x0, y0, x1, y1 = occupancy.extent().bounds
         raise HypermapError(
-            f"all {len(samples)} samples are off the map, which reaches from ({x0:g}, {y0:g}) to "
+            f"no sample of {len(samples)} is on the map, which reaches from ({x0:g}, {y0:g}) to "
             f"({x1:g}, {y1:g}); the first one is at ({x:g}, {y:g}); are they in frame "
             f"{occupancy.frame_id!r}, in meters?"
         )

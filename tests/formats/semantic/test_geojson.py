@@ -63,7 +63,7 @@ def test_heights_of_coordinates_are_left_out_and_a_byte_order_mark_is_read(
     document["features"][0]["geometry"]["coordinates"] = [corners]
     (cup,) = from_geojson(f"\ufeff{json.dumps(document)}").objects()
     assert shapely.equals_identical(cup.footprint, CUP.footprint)
-    assert "the heights in the coordinates of 1 objects are left out" in caplog.text
+    assert "the heights in the coordinates of 1 object are left out" in caplog.text
 
 
 def test_a_file_without_frame_needs_one_and_a_name_can_be_given() -> None:

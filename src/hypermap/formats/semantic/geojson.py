@@ -28,6 +28,7 @@ from hypermap.formats.columns.crs import System, engineering_wkt, frame_of
 from hypermap.formats.letters import check_read, check_savable
 from hypermap.formats.semantic.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value
+from hypermap.text import counted
 
 logger = logging.getLogger(__name__)
 
@@ -124,10 +125,10 @@ def from_geojson(
     objects = [_object(item, path, i, with_heights) for i, item in enumerate(collection.features)]
     if with_heights:
         logger.warning(
-            "%s: the heights in the coordinates of %d objects are left out; the heights of an "
+            "%s: the heights in the coordinates of %s are left out; the heights of an "
             "object are its properties z_min and z_max",
             path or "GeoJSON",
-            len(with_heights),
+            counted(len(with_heights), "object"),
         )
     ids = collections.Counter(item.id for item in objects if item.id is not None)
     for number, count in ids.most_common(1):

@@ -95,7 +95,7 @@ class BagPlan:
         """Return sentences on parts of the bag that can be read, but give no frame."""
         notes = [*self._tree[1], *self.frames.notes, *self._least_known(), *self._leaps()]
         if repeated := self._contents.geometry.repeated + self._contents.color.repeated:
-            notes.append(f"{repeated} images repeat a stamp and are left out")
+            notes.append(f"{counted(repeated, 'image')} left out: with the stamp of another")
         return notes
 
     def detections_elsewhere(self) -> list[str]:

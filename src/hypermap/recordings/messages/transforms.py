@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hypermap.core.moving_frames import FixedPose, Motion, MovingFrames
 from hypermap.core.trajectory import Trajectory, pose_matrix
 from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
+from hypermap.text import counted
 
 Edge = tuple[str, str]  # parent, child
 
@@ -86,9 +87,9 @@ class TransformLog:
                     f"{parent!r} is used"
                 )
         if self.broken:
-            notes.append(f"{self.broken} transforms are not finite and are left out")
+            notes.append(f"{counted(self.broken, 'transform')} left out: not finite")
         if self.unnamed:
-            notes.append(f"{self.unnamed} transforms do not name their frames and are left out")
+            notes.append(f"{counted(self.unnamed, 'transform')} left out: without names of frames")
         return MovingFrames(edges), notes
 
     def _motions(self, max_gap: float) -> tuple[dict[Edge, Motion], list[str]]:

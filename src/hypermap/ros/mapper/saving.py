@@ -112,4 +112,4 @@ class Saving:
             if path == self._path:
                 self._saved_state = state
         objects = len(hypermap.semantic())
-        self._port.log(level, f"saved {objects} objects to {path}")
+        self._port.log(level, f"saved {counted(objects, 'object')} to {path}")

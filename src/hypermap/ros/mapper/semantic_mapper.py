@@ -29,6 +29,7 @@ from hypermap.ros.mapper.tf_corrections import TfCorrections
 from hypermap.ros.mapper.worker import Worker
 from hypermap.ros.port import Closable, Message, Port, Value
 from hypermap.ros.throttle import Throttle
+from hypermap.text import counted
 
 
 class SemanticMapper:
@@ -60,7 +61,7 @@ class SemanticMapper:
         live_map = LiveMap(settings)
         live_map.warm_up()
         if settings.onto:
-            begins = f"continues {settings.onto}, which has {len(live_map)} objects"
+            begins = f"continues {settings.onto}, which has {counted(len(live_map), 'object')}"
             if not Path(settings.onto).exists():
                 begins = f"starts empty: {settings.onto} does not exist yet"
             self._port.log("info", f"the map {begins}")
@@ -230,10 +231,10 @@ class _Life:
         return self._port.response(type_name)(success=success, message=text)
 
     def _clear(self, _: Message) -> Message:
-        count = len(self._map)
+        forgotten = f"{counted(len(self._map), 'object')} forgotten"
         self._map.clear()
-        self._port.log("info", f"asked to clear the map: {count} objects are forgotten")
-        return self._answer("std_srvs/Trigger", True, f"{count} objects are forgotten")
+        self._port.log("info", f"asked to clear the map: {forgotten}")
+        return self._answer("std_srvs/Trigger", True, forgotten)
 
     def _store(self, request: Message) -> Message:
         self._saving.store(request.filename)

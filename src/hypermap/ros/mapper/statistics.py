@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hypermap.text import counted
+
 WINDOW = 10.0  # seconds that rates and states look back
 _MOST = 10_000  # events kept, whatever their rate
 
@@ -138,7 +140,7 @@ def _judged(fates: Counter[Fate], fine: int, waits_for: str) -> tuple[State, str
     if not faults:
         return State.OK, "mapping"
     [(worst, count)] = faults.most_common(1)
-    share = f"{worst.value}: {count} of {total} frames"
+    share = f"{worst.value}: {count} of {counted(total, 'frame')}"
     if fine == 0:
         return State.ERROR, f"nothing is mapped; {share}"
     if faults.total() > total / 2:

@@ -16,6 +16,7 @@ from hypermap.ros.messages.diagnostics import TYPE, status_array
 from hypermap.ros.port import Closable, Port, Publisher, Value
 from hypermap.ros.server.current_map import CurrentMap
 from hypermap.ros.server.save_at_end import place_at_end
+from hypermap.text import counted
 
 _PERIOD = 1.0  # s
 
@@ -83,7 +84,7 @@ class Health:
             return
         count = len(hypermap.layers)
         level: Literal["OK", "WARN"] = "OK" if count else "WARN"
-        message = f"serving {count} layers" if count else "there is no map"
+        message = f"serving {counted(count, 'layer')}" if count else "there is no map"
         name = f"{self._port.node_name}: map"
         values = self._values(hypermap)
         publisher.publish(status_array(level, name, message, values, self._port, self._port.now()))
@@ -100,7 +101,7 @@ class Health:
 
 def _content(layer: Layer) -> str:
     if isinstance(layer, SemanticLayer):
-        return f"{len(layer)} objects"
+        return counted(len(layer), "object")
     if isinstance(layer, OccupancyLayer):
         grid = layer.grid
         return "empty" if grid is None else f"{grid.width} x {grid.height} cells"

@@ -13,6 +13,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.ros.port import Port, Value
 from hypermap.ros.server.current_map import CurrentMap
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.console.prompt import Prompt
@@ -87,7 +88,7 @@ class TerminalConsole:
 
     def _republish(self) -> str:
         self._current.show_again()
-        return f"published {len(self._current.hypermap.layers)} layers again"
+        return f"published {counted(len(self._current.hypermap.layers), 'layer')} again"
 
 
 def has_terminal() -> bool:
