@@ -24,6 +24,7 @@ from hypermap import (
 )
 from hypermap.alignment import NotAligned, align, in_frame_of
 from hypermap.alignment.grids import Field, scan_of
+from hypermap.core.errors import LayerNotFound
 
 FLAT = shapely.Polygon([(0, 0), (9, 0), (9, 4), (5.5, 4), (5.5, 7), (0, 7)])
 WALLS = shapely.MultiLineString(
@@ -171,6 +172,8 @@ def test_maps_without_walls_are_refused() -> None:
         align(drawn(Pose2D()), Hypermap([unknown]))
     with pytest.raises(HypermapError):
         align(Hypermap(), Hypermap())
+    with pytest.raises(LayerNotFound, match="the second map: there is no layer 'walls'"):
+        align(drawn(Pose2D()), drawn(Pose2D()), layers=(None, "walls"))
 
 
 @pytest.mark.parametrize("name", ["lab", "office"])

@@ -226,6 +226,25 @@ def test_a_drive_that_is_mapped_late_does_not_turn_time_back() -> None:
     assert as_of(hypermap, TUESDAY).semantic()[1].footprint.bounds[0] == 4
 
 
+def test_an_edit_of_another_layer_delays_no_drive_that_is_mapped_after_it() -> None:
+    """As of `hypermap rooms`, before recordings of the days before are mapped."""
+    hypermap = office()
+    for time, mapping in ((MONDAY, True), (WEDNESDAY, False), (TUESDAY, True)):
+        if mapping:
+            moved(hypermap, 1, 1.0)
+        else:
+            hypermap.add(SemanticLayer("rooms", "map", [box("kitchen", 0, 0)]))
+        assert hypermap.history is not None
+        drive = Mapped("day", time) if mapping else None
+        hypermap.history = dataclasses.replace(hypermap.history, mapped=drive)
+        hypermap = grown(hypermap, time)
+    for time, x, rooms in ((MONDAY, 3, 0), (TUESDAY, 4, 0), (WEDNESDAY, 4, 1)):
+        past = as_of(hypermap, time)
+        assert past.semantic("semantic")[1].footprint.bounds[0] == x
+        assert len(past.semantic("rooms")) == rooms
+    assert [len(at_version(hypermap, n).semantic("rooms")) for n in (2, 3, 4)] == [0, 1, 1]
+
+
 def test_an_edit_under_a_clock_years_ahead_hides_nothing(tmp_path: Path) -> None:
     hypermap = office()
     for time, by in ((MONDAY, 1.0), (MONDAY + 1e10, 1.0), (TUESDAY, 1.0)):

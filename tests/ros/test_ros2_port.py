@@ -17,6 +17,7 @@ from .conftest import wait_for
 from .fake_rclpy import other_node
 from .fake_rclpy_node import Graph
 from .fake_rclpy_values import (
+    ClockType,
     DurabilityPolicy,
     MutuallyExclusiveCallbackGroup,
     QoSProfile,
@@ -160,6 +161,7 @@ def test_a_timer_rings_until_it_is_closed(graph: Graph, port: Any) -> None:
     rings: list[int] = []
     timer = port.timer(0.5, lambda: rings.append(1))
     (made,) = (t for t in graph.node("/hypermap_server")._timers if t.period == 0.5)
+    assert made.clock.clock_type == ClockType.STEADY_TIME  # a clock may be set, a simulator wait
     made.callback()
     assert rings == [1]
     timer.close()

@@ -92,7 +92,8 @@ def align(
 
     Raises:
         NotAligned: If no pose matches well enough, or several match about equally.
-        HypermapError: If a map has no occupancy layer, or an empty one.
+        LayerNotFound: If a map has no occupancy layer of that name.
+        HypermapError: If a map has none at all, or an empty one.
     """
     a, b = _scan("first", first, layers[0]), _scan("second", second, layers[1])
     fits = _refined(a, b, _candidates(a, b, initial))
@@ -112,7 +113,8 @@ def _scan(which: str, hypermap: Hypermap, layer: str | None) -> Scan:
     try:
         return scan_of(hypermap, layer)
     except HypermapError as error:
-        raise HypermapError(f"the {which} map: {error}") from None
+        error.args = (f"the {which} map: {error}",)  # it stays of its class
+        raise
 
 
 def _check(found: Alignment, least_agreement: float) -> None:

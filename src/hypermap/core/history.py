@@ -141,12 +141,20 @@ class History:
     def dated(self) -> Iterator[tuple[float, Revision]]:
         """Yield each revision with the time from which on it was in force, oldest first.
 
-        A recording may be mapped after later ones. As times never fall, its changes are in force
-        from the time of what was there already. So are those that a clock dated that was far ahead
-        of ours. Before the first known time it is -inf.
+        A recording may be mapped after later ones. As times never fall in a layer, its changes are
+        in force from the time of what was there already; other layers, such as rooms, do not delay
+        them. One whose clock gives no time, or was far ahead of ours, comes after all before it.
+        Before the first known time it is -inf.
         """
         latest, end = -math.inf, latest_time()
+        of_layers: dict[str, float] = {}
         for revision in self.revisions():
+            layers = {change.layer for change in revision.changes}
             if revision.time is not None and revision.time <= end:
                 latest = max(latest, revision.time)
-            yield latest, revision
+                known = [of_layers[name] for name in layers & of_layers.keys()]
+                begins = max([revision.time, *known])
+            else:
+                begins = latest
+            of_layers |= dict.fromkeys(layers, begins)
+            yield begins, revision

@@ -92,9 +92,11 @@ def _before(
         raise HypermapError(
             f"{when} the map is not known: {said} with version {first.version}, {_said(began)}"
         )
-    if any(revision.follows_loss for revision in undone):
+    # Some of another layer may stay among those that are undone.
+    since = [revision for _, revision in dated if undone and revision.version >= undone[0].version]
+    if any(revision.follows_loss for revision in since):
         raise HypermapError(f"{when} the map is not known: a later part of its history is lost")
-    time, last = dated[len(dated) - len(undone) - 1]
+    time, last = [pair for pair in dated if pair[1] not in undone][-1]
     return _without(hypermap, undone, last.version), time if undone else math.inf
 
 

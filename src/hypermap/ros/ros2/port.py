@@ -20,6 +20,7 @@ from hypermap.ros.port import Closable, Level, Message, Node, Parameter, Publish
 try:
     import rclpy
     from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+    from rclpy.clock import Clock, ClockType
     from rclpy.exceptions import NameValidationException
     from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
@@ -163,13 +164,14 @@ class Ros2Port:
         return Closing(lambda: self._node.destroy_service(made))
 
     def timer(self, period: float, callback: Callable[[], None]) -> Closable:
-        """Call back every `period` seconds of the node's clock."""
+        """Call back every `period` seconds, whatever is done to the clocks of the node."""
 
         def ring() -> None:
             self._guarded("a timer", callback)
 
         group = MutuallyExclusiveCallbackGroup()
-        made = self._node.create_timer(period, ring, callback_group=group)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        made = self._node.create_timer(period, ring, callback_group=group, clock=steady)
         return Closing(lambda: self._node.destroy_timer(made))
 
     def now(self) -> int:
