@@ -145,6 +145,40 @@ def test_of_very_many_cells_json_has_their_number(hypermap, room_map, monkeypatc
         assert row["label"] in at
 
 
+@pytest.mark.parametrize(
+    ("shell", "words", "offered"),
+    [
+        ("bash", ["--name", "pot"], ["potted\\ plant"]),
+        ("bash", ["--nearest", "--name", "cha"], ["chair"]),
+        ("bash", ["--layer", "s"], ["semantic"]),
+        ("bash", ["--by", ""], ["air", "path"]),
+        ("bash", ["--at", ""], [""]),
+        ("fish", ["--name", "pot"], ["potted plant"]),
+    ],
+)
+def test_the_tab_key_of_the_users_shell_offers_what_the_map_has(
+    hypermap, room_map, monkeypatch, shell, words, offered
+):
+    line = ["hypermap", "query", str(room_map), *words]
+    monkeypatch.setenv("_HYPERMAP_COMPLETE", f"complete_{shell}")
+    monkeypatch.setenv("COMP_WORDS", "\n".join(line))
+    monkeypatch.setenv("COMP_CWORD", str(len(line) - 1))
+    monkeypatch.setenv("_TYPER_COMPLETE_ARGS", " ".join(line))
+    monkeypatch.setenv("_TYPER_COMPLETE_FISH_ACTION", "get-args")
+    assert hypermap().out.rstrip("\n").split("\n") == offered
+
+
+def test_the_tab_key_offers_nothing_of_a_map_that_cannot_be_read(hypermap, tmp_path, monkeypatch):
+    (tmp_path / "bad.hmap").write_bytes(b"no zip")
+    monkeypatch.setenv("_HYPERMAP_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_CWORD", "4")
+    for name in ("bad.hmap", "none.hmap"):
+        words = ["hypermap", "query", str(tmp_path / name), "--name", "c"]
+        monkeypatch.setenv("COMP_WORDS", "\n".join(words))
+        done = hypermap()
+        assert (done.out.strip(), done.err) == ("", "")
+
+
 def test_from_where_the_nearest_is_measured_is_said(hypermap, room_map):
     result = hypermap("query", room_map, "--name", "chair", "--nearest")
     assert "9.000" in result.out

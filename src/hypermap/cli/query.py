@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +15,7 @@ import typer
 from hypermap.cli.options import MapPath, name_of
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.console.options import OPTIONS
+from hypermap.core.errors import HypermapError
 from hypermap.text import counted
 
 if TYPE_CHECKING:
@@ -53,6 +56,7 @@ def _parameter(name: str) -> inspect.Parameter:
         help=option.help,
         show_default=option.default or False,
         rich_help_panel=option.panel or None,
+        autocompletion=_completer(name) if option.takes else None,
     )
     kind = list[str] if option.repeats else option.kind
     is_switch = option.kind is bool
@@ -62,6 +66,27 @@ def _parameter(name: str) -> inspect.Parameter:
         default=False if is_switch else None,
         annotation=Annotated[kind if is_switch else kind | None, declared],
     )
+
+
+def _completer(name: str) -> Callable[[typer.Context, str], list[str]]:
+    """Return what the Tab key of a user's shell offers for an option: what the map has."""
+
+    def complete(ctx: typer.Context, incomplete: str) -> list[str]:
+        from hypermap.console.choices import values_of
+        from hypermap.formats import open_map
+
+        # Arguments before an option that has no value yet are not assigned.
+        path = ctx.params.get("path") or next(iter(ctx.args), None)
+        try:
+            values = [] if path is None else list(values_of(open_map(path), name))
+        except (HypermapError, OSError):
+            return []
+        found = [value for value in values if value.startswith(incomplete) and value.isprintable()]
+        if os.environ.get("_HYPERMAP_COMPLETE") != "complete_bash":  # others quote by themselves
+            return found
+        return [re.sub(r"([^\w@%+=:,./-])", r"\\\1", value) for value in found]
+
+    return complete
 
 
 @_takes_query_options

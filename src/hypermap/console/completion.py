@@ -7,13 +7,11 @@ from collections.abc import Iterable, Iterator
 from prompt_toolkit.completion import CompleteEvent, Completer, Completion, PathCompleter
 from prompt_toolkit.document import Document
 
+from hypermap.console.choices import STATES, values_of
 from hypermap.console.commands import COMMANDS, Console, split
 from hypermap.console.options import OPTIONS, option_of
 from hypermap.core.errors import HypermapError
-from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
-
-_STATES = ("Free", "Occupied", "Unknown")
 
 
 class ConsoleCompleter(Completer):
@@ -42,30 +40,14 @@ class ConsoleCompleter(Completer):
         if expected == "OPTION":
             return _options(before)
         if before[0] == "query":
-            return self._values(before[-1])
+            return values_of(self._console.hypermap, before[-1])
         layers = {layer.name: layer for layer in self._console.hypermap.layers}
         if expected == "LAYER":
             return layers
         layer = layers.get(before[1]) if expected == "STRING" else None
         if isinstance(layer, SemanticLayer):
             return sorted(set(layer.names))
-        return _STATES if layer is not None else ()
-
-    def _values(self, option: str) -> Iterable[str]:
-        """Return the possible values of a query's option."""
-        hypermap = self._console.hypermap
-        if option == "--layer":
-            return [layer.name for layer in hypermap]
-        if option == "--frame":
-            return dict.fromkeys([layer.frame_id for layer in hypermap] + hypermap.frames.frames)
-        if option == "--by":
-            return ("air", "path")
-        if option not in ("--name", "--near", "--inside", "--in", "--with"):
-            return ()
-        layers = [layer for layer in hypermap if isinstance(layer, SemanticLayer)]
-        names = sorted({str(name) for layer in layers for name in layer.names})
-        has_grid = any(isinstance(layer, OccupancyLayer) for layer in hypermap)
-        return [*names, *(_STATES if option == "--name" and has_grid else ())]
+        return STATES if layer is not None else ()
 
 
 def _words(text: str) -> tuple[list[str], str]:
