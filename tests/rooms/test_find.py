@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
+from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.rooms import RoomSettings, find_rooms
@@ -46,6 +47,16 @@ def test_a_door_divides_two_rooms():
 def test_a_door_may_take_most_of_the_width_of_the_narrower_room():
     plan = Plan(6, 9).clear(1, 1, 5, 6).clear(2, 6, 3.3, 6.1).clear(1.8, 6.1, 3.4, 8.6)
     assert areas(find_rooms(plan.layer())) == pytest.approx([4, 20], abs=0.2)
+
+
+def test_two_doors_in_one_wall_are_not_one_wide_passage():
+    plan = Plan(9, 9).clear(0.6, 0.6, 8.4, 4.4).clear(0.6, 4.6, 3.9, 8.4).clear(4.1, 4.6, 8.4, 8.4)
+    plan.clear(1.5, 4.4, 2.5, 4.6).clear(4.5, 4.4, 5.5, 4.6)
+    for step in (1, 2, 4):  # cells of 5, 10 and 20 cm
+        cells = plan.cells[::step, ::step].copy()
+        grid = GridGeometry(cells.shape[1], cells.shape[0], step * SIDE)
+        rooms = find_rooms(OccupancyLayer("occupancy", "map", grid, cells))
+        assert areas(rooms) == pytest.approx([12.6, 16.4, 29.9], abs=0.5)
 
 
 def test_a_wide_passage_between_large_rooms_makes_them_one():

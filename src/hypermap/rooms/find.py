@@ -33,7 +33,8 @@ _NOISE = 0.15  # [m] how much a straight wall may appear bent
 _WALL = 0.5  # [m] shorter walls are not extended as a border of a room
 _DOOR = 1.6  # [m] a narrower passage may be a door even without corners of walls next to it
 _ALONG = np.linspace(0.15, 0.85, 9)  # where the sides of a line are sampled, from end to end
-_BESIDE = 2.0  # cells from a line to the places on either side of it
+_BESIDE = np.array([-2.0, -1.0, -0.5, 0.5, 1.0, 2.0])[:, np.newaxis, np.newaxis]
+"""Cells from a line to the places on either side of it."""
 _STRAIGHT = 1.5  # cells by which outlines are simplified, about
 
 
@@ -180,9 +181,10 @@ def _passages_of(
         length = float(np.hypot(*(end - begin)))
         across = np.array([begin[1] - end[1], end[0] - begin[0]]) / length
         places = begin + _ALONG[:, np.newaxis] * (end - begin)
-        one = _parts_at(parts, places + _BESIDE * across)
-        other = _parts_at(parts, places - _BESIDE * across)
-        between = np.sort(np.column_stack([one, other])[(one != other) & (one > 0) & (other > 0)])
+        beside = _parts_at(parts, places + _BESIDE * across)
+        one, other = beside[0], beside[-1]
+        is_open = (beside > 0).all(axis=0)  # not at a wall that the line runs along
+        between = np.sort(np.column_stack([one, other])[(one != other) & is_open])
         for (low, high), count in Counter(map(tuple, between.tolist())).items():
             # What borders most of a line is divided by all of it.
             share = 1.0 if 2 * count > len(_ALONG) else count / len(_ALONG)
@@ -191,8 +193,8 @@ def _passages_of(
 
 
 def _parts_at(parts: NDArray[np.int32], places: FloatArray) -> NDArray[np.int32]:
-    """Return the part at each place, (x, y) in cells, shape (N, 2); 0 for none."""
-    cols, rows = np.floor(places).astype(np.int64).T
+    """Return the part at each place, (x, y) in cells, shape (..., 2); 0 for none."""
+    cols, rows = np.moveaxis(np.floor(places).astype(np.int64), -1, 0)
     cols = np.clip(cols, 0, parts.shape[1] - 1)
     rows = np.clip(rows, 0, parts.shape[0] - 1)
     found: NDArray[np.int32] = parts[rows, cols]
