@@ -143,6 +143,11 @@ def test_of_very_many_cells_json_has_their_number(hypermap, room_map, monkeypatc
     for row in rows:
         at = hypermap("query", room_map, "--at", f"{row['x']},{row['y']}").out
         assert row["label"] in at
+    free = room_map, "--name", "Free"
+    number = len(hypermap("query", *free, "--nearest", "-k", "1000", "--json").json["answers"])
+    (row,) = hypermap("query", *free, "--json").json["answers"]
+    assert (row["label"], row["cells"]) == ("Free", number)
+    assert hypermap("query", *free).out == f"occupancy: {number} Free\n"
 
 
 @pytest.mark.parametrize(

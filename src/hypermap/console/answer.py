@@ -42,8 +42,12 @@ def shown(answered: Answered) -> Shown:
     is_at_point = any(one.reference.point_xy is not None for one in query.where)
     is_some = query.names or query.ids or query.value is not None or query.give == "places"
     cells_are_counted = not (is_some or is_at_point)
-    listed = [row for row in rows if _is_thing(row)] if cells_are_counted else rows
-    of_cells = [row for row in rows if cells_are_counted and not _is_thing(row)]
+
+    def is_counted(row: Row) -> bool:
+        return not _is_thing(row) and (cells_are_counted or "cells" in row)
+
+    of_cells = [row for row in rows if is_counted(row)]
+    listed = [row for row in rows if not is_counted(row)] if of_cells else rows
     cells: Counter[tuple[str, str]] = Counter()
     for row in of_cells:
         if "unit" not in row:

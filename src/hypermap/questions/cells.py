@@ -20,7 +20,7 @@ from hypermap.questions.query import Measured
 from hypermap.values import nearest_where, summaries_of, value_layer_called, where
 
 MOST_LISTED = 1_000_000
-"""Cells of an area; of more, it is told how many there are of each kind."""
+"""Cells; of more, it is told how many there are of each label."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +70,8 @@ def cells_in(
 ) -> Iterator[Cell]:
     """Yield the cells of some labels or values, or all of an area.
 
-    Of an area with more than `MOST_LISTED` cells, it is one for each label, or what `value_in` says
-    of measured values.
+    Instead of more than `MOST_LISTED`, it is one for each label, or what `value_in` says of the
+    measured values in an area; all are there where distances are wanted.
 
     Args:
         hypermap: the map.
@@ -83,19 +83,21 @@ def cells_in(
     if what:
         places = np.concatenate([hypermap.find(layer.name, one, area) for one in what])
         labels = hypermap.label_at(layer.name, places)
-        values = hypermap.value_at(layer.name, places)
     elif area is not None:
         hits = hypermap.labels_in(layer.name, area)
         labels, places = hits.values, hits.points_xy
-        if len(places) > MOST_LISTED:
-            if isinstance(layer, ValueLayer):
-                yield from value_in(hypermap, layer, area)
-            else:
-                yield from _counted(layer, labels, places)
-            return
-        values = hypermap.values_in(layer.name, area).values
     else:
         return
+    if len(places) > MOST_LISTED and start is None:
+        if isinstance(layer, ValueLayer) and not what:
+            yield from value_in(hypermap, layer, area)
+        else:
+            yield from _counted(layer, labels, places)
+        return
+    if what or area is None:
+        values = hypermap.value_at(layer.name, places)
+    else:
+        values = hypermap.values_in(layer.name, area).values
     more = {"unit": layer.unit} if isinstance(layer, ValueLayer) else {}
     far = [None] * len(places) if start is None else np.hypot(*(places - start).T).tolist()
     for label, value, place, distance in zip(labels, values, places, far, strict=True):
