@@ -49,14 +49,25 @@ def test_a_door_may_take_most_of_the_width_of_the_narrower_room():
     assert areas(find_rooms(plan.layer())) == pytest.approx([4, 20], abs=0.2)
 
 
-def test_two_doors_in_one_wall_are_not_one_wide_passage():
+def coarse(plan: Plan, step: int) -> OccupancyLayer:
+    """Return a plan with cells that are larger by a factor."""
+    cells = plan.cells[::step, ::step].copy()
+    grid = GridGeometry(cells.shape[1], cells.shape[0], step * SIDE)
+    return OccupancyLayer("occupancy", "map", grid, cells)
+
+
+@pytest.mark.parametrize("step", [1, 2, 4])
+def test_two_doors_in_one_wall_are_not_one_wide_passage(step):
     plan = Plan(9, 9).clear(0.6, 0.6, 8.4, 4.4).clear(0.6, 4.6, 3.9, 8.4).clear(4.1, 4.6, 8.4, 8.4)
     plan.clear(1.5, 4.4, 2.5, 4.6).clear(4.5, 4.4, 5.5, 4.6)
-    for step in (1, 2, 4):  # cells of 5, 10 and 20 cm
-        cells = plan.cells[::step, ::step].copy()
-        grid = GridGeometry(cells.shape[1], cells.shape[0], step * SIDE)
-        rooms = find_rooms(OccupancyLayer("occupancy", "map", grid, cells))
-        assert areas(rooms) == pytest.approx([12.6, 16.4, 29.9], abs=0.5)
+    assert areas(find_rooms(coarse(plan, step))) == pytest.approx([12.6, 16.4, 29.9], abs=0.5)
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_a_line_from_one_door_to_the_next_does_not_widen_the_first(step):
+    plan = Plan(8, 12).clear(1.1, 4.1, 3.5, 6.9).clear(3.7, 3.3, 5.9, 6.9).clear(3.7, 7.1, 6.9, 11)
+    plan.clear(3.5, 5, 3.7, 6).clear(4, 6.9, 5, 7.1)
+    assert areas(find_rooms(coarse(plan, step))) == pytest.approx([6.8, 8.0, 12.6], abs=0.4)
 
 
 def test_a_wide_passage_between_large_rooms_makes_them_one():

@@ -187,7 +187,7 @@ def _passages_of(
         between = np.sort(np.column_stack([one, other])[(one != other) & is_open])
         for (low, high), count in Counter(map(tuple, between.tolist())).items():
             # What borders most of a line is divided by all of it.
-            share = 1.0 if 2 * count > len(_ALONG) else count / len(_ALONG)
+            share = 1.0 if 2 * count > len(_ALONG) and is_open.all() else count / len(_ALONG)
             passages.append(Passage(low, high, share * length * side, in_wall))
     return passages
 
