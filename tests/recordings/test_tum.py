@@ -540,3 +540,9 @@ def test_lists_may_begin_with_a_byte_order_mark(folder: Path) -> None:
         (folder / name).write_text("\n".join(kept), encoding="utf-8-sig")
     read = [frame.map_T_camera for frame in opened(folder).frames()]
     assert np.array_equal(read, expected)
+
+
+def test_a_list_of_color_images_by_another_name_is_told(folder: Path) -> None:
+    (folder / "rgb.txt").rename(folder / "color.txt")
+    (missing,) = opened(folder).info().missing
+    assert missing.endswith("; color.txt is not read: name it rgb.txt")

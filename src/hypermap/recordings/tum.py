@@ -78,7 +78,11 @@ class TumRecording(ImageFolder):
                 streams.append(Stream(name, kind, count, use if count else ""))
         has_color = any((self._path / name).is_file() for name in ("rgb.txt", "associations.txt"))
         if not has_color and not self.has_detections:
-            missing.append("rgb.txt is missing: without color images no objects can be detected")
+            is_there = (self._path / "color.txt").is_file()  # as in OpenLORIS
+            hint = "; color.txt is not read: name it rgb.txt" if is_there else ""
+            missing.append(
+                f"rgb.txt is missing: without color images no objects can be detected{hint}"
+            )
         problems = problems_of(
             self, "_depth", "_color", "_trajectory", "_plan", "_absence", "_camera", "_registration"
         )
