@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
+from numpy.typing import NDArray
 
 from hypermap.core.history import ADDED, GONE, Change
 from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -36,7 +37,7 @@ def looked(
     stamp: float,
     shows: str | None,
     x: float = 0.0,
-    reach: float = 6.0,
+    reach: float | NDArray[np.float64] = 6.0,
     shapes: Sequence[shapely.Polygon] = (INSIDE,),
 ) -> LoggedFrame:
     """Return a frame that looks along x, at a chair's place, and may detect something there."""
@@ -220,6 +221,17 @@ def test_what_stops_as_many_rays_as_before_did_not_come_or_go(
     ):
         change = Change(kind, "semantic", *((None, item) if kind == ADDED else (item, None)))
         assert (look(*days).chance(change) > 0.8) == stays
+
+
+@pytest.mark.parametrize(("passing", "stays"), [(0, True), (2, False)])
+def test_the_last_drive_that_shows_it_tells_how_many_rays_it_stops(
+    passing: int, stays: bool
+) -> None:
+    """The one before may have overlooked it, or it was gone already."""
+    reach = np.where(np.arange(80) % 4 < passing, 6.0, 2.0)  # of some columns, rays pass
+    later = [frames(n, *EMPTY, reach=reach) for n in (1, 2)]
+    assert (look(frames(0, *SEEN, reach=2.0), *later).chance(LEFT) > 0.8) == stays
+    assert look(*later).chance(LEFT) < 0.1  # no drive shows it
 
 
 @pytest.mark.parametrize(("x", "stays"), [(0.0, False), (0.5, True)])

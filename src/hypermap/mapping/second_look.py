@@ -103,14 +103,20 @@ class SecondLook:
         looks = self._looks_in(without, item, self._with_neighbors(item))
         there = self._looks_in(within, item, shapes)
         stayed = 0.0 if looks is None else looks.chance
-        if looks is not None and there is not None and self._is_as_full(change, looks, there):
+        # What the map has may have been gone by the last drive before: that one is no measure.
+        with_it = self._looks_in(within, item, shapes, least=1)
+        if looks is not None and with_it is not None and self._is_as_full(change, looks, with_it):
             stayed = max(stayed, _AS_FULL)
         if len(shapes) > 1 and there is not None:
             stayed = max(stayed, 1 - there.chance)
         return stayed
 
     def _looks_in(
-        self, drives: Sequence[slice], item: SemanticObject, shapes: Sequence[BaseGeometry]
+        self,
+        drives: Sequence[slice],
+        item: SemanticObject,
+        shapes: Sequence[BaseGeometry],
+        least: int = 0,
     ) -> _Looks | None:
         """Return the looks of the first of some drives that could see an object; None for none.
 
@@ -118,9 +124,10 @@ class SecondLook:
             drives: rows of the log.
             item: the object.
             shapes: its own, and those of objects whose detections do not count; see `_looks`.
+            least: frames of the drive that detect it.
         """
         found = (self._looks(item, rows, shapes) for rows in drives)
-        return next((looks for looks in found if looks is not None), None)
+        return next((one for one in found if one is not None and one.detected >= least), None)
 
     def _is_as_full(self, change: Change, without: _Looks, within: _Looks) -> bool:
         """Return whether its place stops as many rays as with the object, which has thus stayed.
