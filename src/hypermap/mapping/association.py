@@ -58,7 +58,8 @@ def overlap(
             shared = shared_area(shape, other.cached(_widened, config.slack))
         else:
             shared = shared_area(other, shape.cached(_widened, config.slack))
-        matches.append((row, shared / min(shape.area, other.area)))
+        least = min(shape.area, other.area)  # 0 for a line that people have drawn
+        matches.append((row, shared / least if least else 0.0))
     return _best_first(matches, config.min_overlap)
 
 

@@ -322,6 +322,8 @@ def with_known_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int])
         found.append(track)
     table = tracks.of_tracks(found, rows)
     table.next_id = max(table.next_id, number)
+    fresh = [ids[track.id] for track in tracks.objects if track.id >= tracks.first_id]
+    table.first_id = min(fresh, default=table.next_id) if tracks.first_id else 0
     return table
 
 

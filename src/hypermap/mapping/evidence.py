@@ -22,8 +22,10 @@ from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.class_sizes import is_usual
 from hypermap.mapping.completion import FreeShare
+from hypermap.mapping.earlier_drives import EarlierDrives
 from hypermap.mapping.evidence_buffer import (
     CONFIRMED,
+    STALE,
     Evidence,
     FoundEvidence,
     SeenColor,
@@ -33,7 +35,7 @@ from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.merge_rules import MergeRules
 from hypermap.mapping.missed_detections import penalize_missed, prune
-from hypermap.mapping.moved import GONE, find_moves, moved_within_place
+from hypermap.mapping.moved import GONE, find_moves
 from hypermap.mapping.protection import protected
 from hypermap.mapping.published import PublishedTracks
 from hypermap.mapping.stages import EvidenceConfig
@@ -73,10 +75,14 @@ class EvidenceMap:
         self._associate = ASSOCIATIONS[config.association]
         self._fuse = FUSIONS[config.fusion]
         self._observed: set[int] = set()  # ids of the tracks that this frame shows
+        self._met: list[tuple[int, int]] = []  # ids of known tracks, and of what is at their places
         self._touched: dict[int, tuple[Track, Track]] | None = None  # changed tracks, and copies
         self._outdated: set[int] = set()  # ids of tracks whose stamps in the table are outdated
         self._classes: dict[str, int] = {}
         self._tracks = TrackTable(config.max_existence)
+        self._earlier = EarlierDrives(config)
+        self._settled: TrackTable | None = None  # the tracks, one per object; None if unknown
+        self._newest = -math.inf  # stamp of the last frame
         self._edited = False  # whether people have edited anything
 
     def __len__(self) -> int:
@@ -93,13 +99,14 @@ class EvidenceMap:
             found: what `evidence_from` returns for it, if that is known already.
         """
         self._note_times()
-        before, ignored = self._tracks.copy(), self.ignored
+        before, ignored, newest = self._tracks.copy(), self.ignored, self._newest
         touched: dict[int, tuple[Track, Track]] = {}
         self._touched = touched
         try:
             self._add_frame(observation, found)
         except BaseException:  # for example, out of memory
-            self._tracks, self.ignored = before, ignored
+            self._tracks, self.ignored, self._newest = before, ignored, newest
+            self._settled = None
             for track, was in touched.values():
                 track.become(was)
             raise
@@ -110,7 +117,11 @@ class EvidenceMap:
         self._add_frame(observation, found)
 
     def _add_frame(self, observation: Observation, found: FoundEvidence | None) -> None:
+        if self.config.moves:
+            self._begin_drive(observation.stamp)
+        self._settled = None
         self._observed.clear()
+        self._met.clear()
         self.shown = []
         if found is None:
             found = evidence_from(observation, self.config.abstain)
@@ -136,11 +147,41 @@ class EvidenceMap:
             self._note_gone(observation.stamp)
             self._follow_moves(observation.stamp)
 
+    def _begin_drive(self, stamp: float) -> None:
+        """Let the frame with a stamp [s] begin another drive, if it is long after the last one."""
+        is_another = abs(stamp - self._newest) > STALE and len(self._tracks.objects) > 0
+        self._newest = stamp
+        if is_another:
+            self._tracks = self.settled().snapshot()
+            self._tracks.first_id = self._tracks.next_id
+            self._earlier.begin_drive()
+
+    def settled(self) -> TrackTable:
+        """Return the tracks, those of this drive joined to the known ones; must not be changed."""
+        if self._settled is None:
+            self._note_times()
+            self._settled = self._earlier.settled(self._tracks)
+        return self._settled
+
+    def apart(self) -> frozenset[int]:
+        """Return the ids of known tracks to whose pictures and embeddings this drive adds some."""
+        own = {track.id: track.buffer for track in self._tracks.objects}
+        looks = ((one.id, one.buffer) for one in self.settled().objects)
+        return frozenset(
+            number
+            for number, buffer in looks
+            if buffer.pictures is not own[number].pictures
+            or buffer.embedding is not own[number].embedding
+        )
+
     def _as_published(self) -> PublishedTracks:
-        return PublishedTracks(self._tracks, self.config, self.is_free, self._edited)
+        return PublishedTracks(self.settled(), self.config, self.is_free, self._edited)
 
     def tracks(self) -> TrackTable:
-        """Return a copy of all tracks, which later frames do not change."""
+        """Return a copy of all tracks, which later frames do not change.
+
+        Those of this drive are not joined to the known ones yet; see `settled`.
+        """
         self._note_times()
         return self._tracks.snapshot()
 
@@ -151,7 +192,12 @@ class EvidenceMap:
             tracks: of that map; this one owns them from now on.
             by_hand: edits made by hand, by the objects' ids.
         """
-        self._tracks = protected(tracks, by_hand or {}, self.config)
+        if by_hand:  # people have edited what they saw
+            tracks = self._earlier.settled(tracks)
+        self._tracks, self._settled = protected(tracks, by_hand or {}, self.config), None
+        self._earlier.begin_drive()
+        stamps = [track.buffer.last_seen for track in self._tracks.objects if len(track.buffer)]
+        self._newest = max(stamps, default=-math.inf)
         self._edited = any(track.by_hand is not None for track in self._tracks.objects)
         for row, track in enumerate(self._tracks.objects):
             class_ = self._classes.setdefault(track.name, len(self._classes))
@@ -209,10 +255,10 @@ class EvidenceMap:
         Raises:
             KeyError: If there is no such object, or it was pruned or merged into another.
         """
-        rows = self._tracks.rows_of([object_id])
+        rows = self.settled().rows_of([object_id])
         if not rows:
             raise KeyError(object_id)
-        return tuple(self._tracks.objects[rows[0]].buffer.items)
+        return tuple(self.settled().objects[rows[0]].buffer.items)
 
     def pictures(self, object_id: int) -> tuple[ObjectPicture, ...]:
         """Return the pictures of an object, best first; none if its track was removed."""
@@ -226,6 +272,7 @@ class EvidenceMap:
 
     def keep_pictures(self, object_id: int, pictures: tuple[ObjectPicture, ...]) -> None:
         """Replace the pictures of an object, if its track still exists."""
+        self._settled = None
         for row in self._tracks.rows_of([object_id]):
             self._tracks.objects[row].buffer.pictures = pictures
 
@@ -243,6 +290,7 @@ class EvidenceMap:
 
         None, for an object of several colors, counts as one, so that it is not looked for forever.
         """
+        self._settled = None
         for observed, number in self.shown if colors else ():
             for row in self._tracks.rows_of([number]) if observed in colors else ():
                 track = self._tracks.objects[row]
@@ -252,6 +300,7 @@ class EvidenceMap:
 
     def add_embedding(self, object_id: int, embedding: Embedding) -> None:
         """Add the embedding of a view of an object, if its track still exists."""
+        self._settled = None
         for row in self._tracks.rows_of([object_id]):
             buffer = self._tracks.objects[row].buffer
             buffer.embedding = embedding.plus(buffer.embedding)
@@ -270,6 +319,7 @@ class EvidenceMap:
             return None
         shapes, objects, shape = self._tracks.shapes, self._tracks.objects, evidence.prepared
         rows, heights = shapes.near(None, shape.box), (evidence.z_min, evidence.z_max)
+        rows = [row for row in rows if self._takes_evidence(row)]
         others = [row for row in rows if objects[row].name != name]
         if not others:
             return None
@@ -296,6 +346,8 @@ class EvidenceMap:
             return self._tracks.objects[matches[0]].id
         # What is gone comes back by `find_moves`, as another one may have moved to its place; but
         # what people have edited comes back here, as it never moves.
+        known = [row for row in there if not self._takes_evidence(row)]
+        there = [row for row in there if self._takes_evidence(row)]
         matches = [row for row in there if not self._is_remembered(row)]
         matches = matches or [row for row in there if self._is_edited(row)]
         if len(matches) == 0:
@@ -307,13 +359,6 @@ class EvidenceMap:
         track = self._touch(row)
         track.buffer.add(evidence)
         track.pending += 1
-        if self.config.moves and track.by_hand is None:
-            fresh = moved_within_place(track.buffer, self._fuse, self.config)
-            if fresh is not None:
-                track.buffer, track.moved = fresh
-                track.moved_since = track.buffer.items[0].stamp
-                track.pending = len(track.buffer)
-                self._tracks.misses[row] = 0
         if self._is_remembered(row):
             self._tracks.change_existence(row, -float(self._tracks.existence[row]))  # it is back
             self._tracks.spared[row] = self._tracks.misses[row] = 0
@@ -323,8 +368,10 @@ class EvidenceMap:
             self._refresh_shape(row)
             if self.config.combine == "overlapping":
                 row = self._merge_overlapping(row)
-        self._observed.add(self._tracks.objects[row].id)
-        return self._tracks.objects[row].id
+        number = self._tracks.objects[row].id
+        self._observed.add(number)
+        self._met += [(self._tracks.objects[one].id, number) for one in known[:1]]
+        return number
 
     def _most_alike(self, matches: Rows, evidence: Evidence) -> int:
         """Return the best match, or one more like the shape that is surely another object.
@@ -362,6 +409,7 @@ class EvidenceMap:
         while True:
             shape, class_ = self._tracks.shapes.polygons[row], int(self._tracks.shapes.classes[row])
             matches = self._associate(shape, class_, self._tracks.shapes, self.config)
+            matches = [one for one in matches if one == row or self._takes_evidence(one)]
             if len(matches) > 1 and self.config.exclusive:
                 matches = [one for one in matches if one == row or self._are_one(row, one)]
                 matches = self._merge_rules().of_one(row, matches)
@@ -378,11 +426,16 @@ class EvidenceMap:
         return not self._is_remembered(match) and self._merge_rules().are_one(row, match)
 
     def _merge_rules(self) -> MergeRules:
-        return MergeRules(self._as_published(), self._observed)
+        tracks = PublishedTracks(self._tracks, self.config, self.is_free, self._edited)
+        return MergeRules(tracks, self._observed)
 
     def _may_be(self, row: int) -> bool:
         """Return whether a track may exist: not if it was deleted by hand."""
         return not (self._edited and self._tracks.objects[row].is_deleted)
+
+    def _takes_evidence(self, row: int) -> bool:
+        """Return whether a track takes this drive's evidence: of earlier ones, only edited ones."""
+        return self._tracks.objects[row].id >= self._tracks.first_id or self._is_edited(row)
 
     def _is_edited(self, row: int) -> bool:
         return self._edited and self._tracks.objects[row].by_hand is not None
@@ -402,6 +455,13 @@ class EvidenceMap:
             for other in shown:
                 if other is not track and other.name == track.name:
                     track.co_occurrences[other.id] += 1
+        for number, own in self._met:  # a known object, and others of its class beside it
+            for row in self._tracks.rows_of([number]):
+                known = self._touch(row)
+                for other in shown:
+                    if other.name == known.name and other.id not in (own, number):
+                        known.co_occurrences[other.id] += 1
+                        other.co_occurrences[number] += 1
 
     def _transfer_co_occurrences(self, merged: Track, kept: Track) -> None:
         """Move the co-occurrences of a merged track to the one that is kept, on both sides."""

@@ -362,6 +362,18 @@ class EvidenceBuffer:
         gaps = [i for i, (a, b) in enumerate(pairwise(stamps)) if b - a > STALE]
         return stamps[gaps[-1]] if gaps else self.last_seen
 
+    def keep_looks(
+        self,
+        pictures: Sequence[ObjectPicture],
+        colors: Sequence[SeenColor],
+        embedding: Embedding | None,
+    ) -> None:
+        """Add what earlier drives have seen of the object's looks."""
+        self.pictures = best_pictures([*pictures, *self.pictures])
+        self.colors = _newest([*colors, *self.colors])
+        if embedding is not None:
+            self.embedding = embedding.plus(self.embedding)
+
     def since(self, first_seen: float) -> EvidenceBuffer:
         """Return a copy for an object that was first seen elsewhere, at this stamp [s]."""
         other = self.copy()

@@ -92,9 +92,11 @@ def state_of(hypermap: Hypermap, config: MappingConfig) -> MapperState:
         raise CannotGoOn(f"{error}; map all recordings again") from error
     layer = layer_of_objects(hypermap)
     for track in state.tracks.objects:
-        if layer is not None and (pictures := layer.kept_pictures.get(track.id)):
+        if layer is None or track.id in state.apart:
+            continue
+        if pictures := layer.kept_pictures.get(track.id):
             track.buffer.pictures = pictures
-        if layer is not None and layer.kept_embeddings is not None:
+        if layer.kept_embeddings is not None:
             own = layer.kept_embeddings.embedding(track.id)
             track.buffer.embedding = own or track.buffer.embedding
     return state

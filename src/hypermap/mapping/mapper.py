@@ -412,6 +412,7 @@ class Mapper:
             published=published,
             alignment=None if self._aligner is None else self._aligner.learned,
             log=FrameLog(self._frame_log.parts).parts,
+            apart=self.evidence.apart(),
         )
 
     def _map_before(self) -> MapBefore:

@@ -65,7 +65,8 @@ class MapperState:
     """The state of a mapper between two frames.
 
     Attributes:
-        tracks: all tracks, including unpublished ones. Pictures and embeddings of published objects
+        tracks: all tracks, including unpublished ones, those of the present drive apart from those
+            of earlier ones. Pictures and embeddings of published objects
             are saved with their layer, not in this file.
         keyframe: the last one; None if there is none. Without a stamp in files of earlier versions.
         first_cell: row and column of the first cell of `log_odds`, from the origin of the map
@@ -76,6 +77,8 @@ class MapperState:
         counts: of all their frames.
         published: the published objects, by comparison with which edits by hand are found.
         alignment: the state of the `Aligner`; None if poses are not corrected.
+        apart: ids of published objects whose track here lacks what the present drive has added to
+            their pictures and embeddings.
         log: the newest frames, from which they can be mapped again from other poses.
     """
 
@@ -88,6 +91,7 @@ class MapperState:
     published: Sequence[SemanticObject]
     alignment: tuple[float, float, bool] | None = None
     log: Sequence[LogPart] = ()
+    apart: frozenset[int] = frozenset()
 
 
 def dump_state(state: MapperState) -> bytes:
@@ -103,7 +107,8 @@ def dump_state(state: MapperState) -> bytes:
     tables = packed_tables(state.tracks, [part.before.tracks for part in state.log])
     now, *facts["before"] = tables.facts
     facts |= now
-    published = {item.id for item in state.published}  # whose pictures are with their layer
+    facts["apart"] = sorted(state.apart)
+    published = {item.id for item in state.published} - state.apart  # pictures are with the layer
     hidden = {
         track.id: track.buffer.pictures
         for track in state.tracks.objects
@@ -157,6 +162,7 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
             drives=drives.unpacked(facts["drives"], arrays["frame_keys"]),
             counts=Counts(**{fate: int(n) for fate, n in facts["counts"].items()}),
             log=unpacked_log(arrays, befores or _embedded_maps(arrays, config, path)),
+            apart=frozenset(map(int, facts.get("apart", ()))),  # unknown in earlier files
         )
     except _WRONG as error:
         raise FormatError(f"is damaged: {error}", path=path) from None

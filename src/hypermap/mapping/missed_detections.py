@@ -90,7 +90,8 @@ def _penalize_by_rays(
 ) -> None:
     """Lower the existence of tracks by the rays of a frame: misses and see-throughs."""
     near = tracks.shapes.within(_EVERYWHERE, view.position[:2], config.max_range)
-    rows = [row for row in near if row not in shown]
+    again = {row: _found_again(tracks, row) for row in near if row not in shown}
+    rows = [row for row, existence in again.items() if not existence > config.publish_above]
     chosen = np.array(rows, np.int64)
     samples = tracks.shapes.samples(chosen)
     seen = visible_shares(view, samples, tracks.shapes.heights, config.tolerance, chosen)
@@ -99,7 +100,7 @@ def _penalize_by_rays(
         if visible < _VISIBLE:
             continue
         buffer, spared, is_gone = tracks.objects[row].buffer, 0.0, beyond >= _ABSENT * visible
-        if stamp - buffer.last_seen > STALE:
+        if stamp - buffer.last_seen > STALE and again[row] == -math.inf:
             loss = config.stale_loss if is_gone else config.loss
             if not is_gone and buffer.count >= _WELL_SEEN:
                 is_large = samples.widths[row] > 2 * config.tolerance
@@ -112,6 +113,20 @@ def _penalize_by_rays(
             loss = _loss_of_miss(tracks, row, shown, config)
             spared = config.loss - loss
         tracks.change_existence(row, -loss, spared)
+
+
+def _found_again(tracks: TrackTable, row: int) -> float:
+    """Return the existence of this drive's track in the place of an earlier one's; -inf if none."""
+    found = -math.inf
+    if tracks.objects[row].id < tracks.first_id:
+        shapes = tracks.shapes
+        polygon, (xmin, ymin, xmax, ymax) = shapes.polygons[row], shapes.boxes[row].tolist()
+        for other in shapes.near(int(shapes.classes[row]), (xmin, ymin, xmax, ymax)):
+            if tracks.objects[other].id >= tracks.first_id:
+                least = min(polygon.area, shapes.polygons[other].area)
+                if shared_area(polygon, shapes.polygons[other]) >= _SAME_PLACE * least:
+                    found = max(found, tracks.existence.item(other))
+    return found
 
 
 def _loss_of_miss(

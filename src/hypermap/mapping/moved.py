@@ -1,8 +1,8 @@
 """Moved objects: gone from one place, while one of the same class and shape is at another.
 
 A gone track stays in the table, unpublished. If a track of its class and shape appears at a place
-that the robot saw empty before, both are one object, which keeps its id. An object moved by less
-than its size remains one track; then the evidence from before the move is dropped.
+that the robot saw empty before, both are one object, which keeps its id. This is about one drive;
+`earlier_drives` compares it with what earlier ones knew.
 """
 
 from __future__ import annotations
@@ -13,13 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray, as_objects
-from hypermap.history.likeness import FARTHEST, MAY_BE, SAME_SHAPE, fills_its_place, likeness
-from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence, EvidenceBuffer
-from hypermap.mapping.fusion import Fusion
+from hypermap.history.likeness import FARTHEST, MAY_BE, likeness
+from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_colors import differ_in_color
@@ -33,11 +31,7 @@ _VIEWS = 2  # of the empty place
 _COVERED = 0.5  # share of the place that such a view must cover
 _ON_FLOOR = 0.3  # [m]; objects that begin higher are not on the floor, and views only near them
 _NEAR = 0.25  # [m]
-_BESIDE = 0.2  # [m] between the old place and one that it is moved to without a look between
 _SAME_HEIGHT = 0.85  # least ratio of the heights of two objects
-_LEAST = 0.2  # [m]; least distance of centroids for a move within an object's place
-_PER_AREA = 0.4  # [m] per square meter of an object of which a drive may see only one side
-_AS_MUCH = 0.5  # share of the floor that a moved object leaves, from which it takes about as much
 
 
 @dataclass(frozen=True)
@@ -59,10 +53,8 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
     """Return the gone tracks whose objects have appeared at other places since, one to one.
 
     Among several candidates, those gone since the latest drive come first, and of these the pairs
-    with the smallest distances. A track also counts as gone if a new one appeared next to it in a
-    later drive, because rays that hit one do not show that the other is gone. Tracks edited by
-    hand are never among them, nor are new ones that have been there for more than an hour, as since
-    an earlier drive: their ids are known.
+    with the smallest distances. Tracks edited by hand are never among them, nor those of earlier
+    drives, nor new ones that have been there for more than an hour: their ids are known.
 
     Args:
         tracks: all tracks.
@@ -101,7 +93,8 @@ def _gone_and_new(tracks: TrackTable, config: EvidenceConfig) -> tuple[list[int]
     """Return the rows of gone tracks, and of new ones of their classes; both empty if one is."""
     objects, found = tracks.objects, np.empty((2, len(tracks.objects)), np.int64)
     limits = GONE, config.publish_above, STALE, CONFIRMED
-    counts = _may_have_moved(tracks.times, tracks.existence, tracks.is_edited, limits, found)
+    begin = sum(track.id < tracks.first_id for track in objects)  # rows of earlier drives
+    counts = _may_have_moved(tracks.times, tracks.existence, tracks.is_edited, begin, limits, found)
     gone = found[0, : counts[0]].tolist()
     if not gone:
         return [], []
@@ -116,6 +109,7 @@ def _may_have_moved(
     times: NDArray[np.float64],
     existence: NDArray[np.float64],
     is_edited: BoolArray,
+    begin: int,
     limits: tuple[float, float, float, int],
     found: IntArray,
 ) -> tuple[int, int]:
@@ -125,6 +119,7 @@ def _may_have_moved(
         times: as `TrackTable.times`, as `existence` and `is_edited`.
         existence: likewise.
         is_edited: likewise.
+        begin: first row of the present drive.
         limits: up to which existence a track is gone, from which on it is there, the seconds after
             which a place may have changed, and how many observations a gone one must have.
         found: filled with the rows of the gone ones, and of the new ones, shape (2, N).
@@ -133,12 +128,12 @@ def _may_have_moved(
         How many there are of each.
     """
     begun = seen = -np.inf  # the newest first stamp of a track that is there, and the newest stamp
-    for row in range(len(times)):
+    for row in range(begin, len(times)):
         seen = max(seen, times[row, 2])
         if existence[row] > limits[1] and not is_edited[row]:
             begun = max(begun, times[row, 0])
     gone = new = 0
-    for row in range(len(times)):
+    for row in range(begin, len(times)):
         first, last = times[row, 0], times[row, 1]
         # One that was not looked at yet since an earlier drive may be gone.
         is_gone = last < begun - limits[2] or (existence[row] <= limits[0] and last < begun)
@@ -218,18 +213,16 @@ def _possible(
     for j, row in enumerate(there):
         was_empty: bool | None = None
         for i in np.flatnonzero(is_near[:, j]).tolist():
-            if not _may_be_as_high(tracks, gone[i], row):
+            if not may_be_as_high(tracks, gone[i], row):
                 continue
-            if _takes_place_of(tracks, row, gone[i]):
-                possible[i, j] = True
-            elif tracks.existence[gone[i]] <= GONE and not _is_known(tracks, row, stamp):
-                views = _views(tracks) if views is None else views
-                was_empty = _was_without(tracks, row, views) if was_empty is None else was_empty
+            if tracks.existence[gone[i]] <= GONE and not _is_known(tracks, row, stamp):
+                views = views_of_tracks(tracks) if views is None else views
+                was_empty = was_without(tracks, row, views) if was_empty is None else was_empty
                 possible[i, j] = was_empty
     return possible
 
 
-def _may_be_as_high(tracks: TrackTable, one: int, other: int) -> bool:
+def may_be_as_high(tracks: TrackTable, one: int, other: int) -> bool:
     """Return whether two tracks may be of one height; those that are not on the floor may.
 
     After few observations the top of an object may not have been seen.
@@ -239,113 +232,6 @@ def _may_be_as_high(tracks: TrackTable, one: int, other: int) -> bool:
     )
     is_on_floor = max(low, other_low) <= _ON_FLOOR
     return not is_on_floor or min(high, other_high) >= _SAME_HEIGHT * max(high, other_high)
-
-
-def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
-    """Return whether a track is next to the place of another, not seen since an earlier drive.
-
-    The first views of a moved object may be taken for the object at its old place. Unless they lie
-    more in the new one, more of its own views must have looked there without showing that.
-    """
-    buffer, before = (tracks.objects[one].buffer for one in (row, other))
-    shape, was = (tracks.shapes.polygons[one].geometry for one in (row, other))
-    end = before.surely_there[1]
-    if not (buffer.surely_there[0] > end + STALE and shapely.dwithin(shape, was, _BESIDE)):
-        return False
-    late = as_objects(item.footprint for item in before.items[-CONFIRMED:] if item.stamp > end)
-    here, there = (shapely.area(shapely.intersection(late, one)) for one in (shape, was))
-    strays = int(np.count_nonzero(here <= there))
-    return not strays or _views_of(was, buffer.items) >= _VIEWS + strays
-
-
-def moved_within_place(
-    buffer: EvidenceBuffer, fuse: Fusion, config: EvidenceConfig
-) -> tuple[EvidenceBuffer, float] | None:
-    """Return the evidence since an object was moved by less than its size, and the confidence.
-
-    At least 4 pieces of evidence of the newest drive, or since a long gap, must agree on another
-    place, and have seen the floor where the object was. A large object must have moved farther,
-    because a drive may see only one side of it, unless about as much floor is taken as is left, and
-    earlier views saw that.
-
-    Args:
-        buffer: the evidence for an object; not changed.
-        fuse: the fusion method.
-        config: its settings.
-
-    Returns:
-        None for an object that was not moved.
-    """
-    if not buffer.has_gap:  # the usual case, which is fast
-        return None
-    stamps = np.array([item.stamp for item in buffer.items])
-    gaps = np.flatnonzero(np.diff(stamps) > STALE)
-    if not len(gaps):
-        return None
-    since = int(gaps[-1]) + 1
-    fresh = buffer.items[since:]
-    if len(fresh) < CONFIRMED or since < CONFIRMED:
-        return None
-    means = [part.mean(axis=0) for part in np.split(buffer.centroids, [since])]
-    if np.linalg.norm(means[1] - means[0]) < _LEAST / 2:  # fusing takes longer than all of this
-        return None
-    newer = _buffer_of(fresh, buffer, config)
-    older = _buffer_of(buffer.items[:since], buffer, config)
-    here, was = fuse(newer, config).geometry, fuse(older, config).geometry
-    if not _is_elsewhere(here, was, fresh, buffer.items[:since]):
-        return None
-    alike = likeness(was, here)
-    return (newer, alike) if alike >= SAME_SHAPE else None
-
-
-def _buffer_of(
-    items: list[Evidence], whole: EvidenceBuffer, config: EvidenceConfig
-) -> EvidenceBuffer:
-    """Return a buffer with some of the evidence, and the statistics of all of it."""
-    part = EvidenceBuffer.of(
-        items,
-        config.max_evidence,
-        whole.count,
-        whole.score_sum,
-        whole.first_seen,
-        whole.last_seen,
-    )
-    part.pictures = whole.pictures
-    part.colors = whole.colors
-    return part
-
-
-def _is_elsewhere(
-    here: BaseGeometry,
-    was: BaseGeometry,
-    fresh: Sequence[Evidence],
-    earlier: Sequence[Evidence],
-) -> bool:
-    """Return whether a shape has moved from another one, by the views of it and of that one."""
-    shift = shapely.distance(shapely.centroid(here), shapely.centroid(was))
-    left, taken = _only_in(was, here), _only_in(here, was)
-    if shift < _LEAST or left.is_empty or not _saw(left, fresh):
-        return False
-    if shift >= _PER_AREA * min(here.area, was.area) and not fills_its_place(here, was):
-        return True
-    return bool(taken.area >= _AS_MUCH * left.area) and _saw(taken, earlier)
-
-
-def _only_in(one: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
-    """Return the part of a shape outside of another one, which may be off by a little."""
-    return one.difference(shapely.buffer(other, 0.05))
-
-
-def _saw(area: BaseGeometry, items: Sequence[Evidence]) -> bool:
-    """Return whether some views of an object saw an area of the floor."""
-    return _views_of(area, items) >= _VIEWS
-
-
-def _views_of(area: BaseGeometry, items: Sequence[Evidence]) -> int:
-    """Return how many views of an object saw an area of the floor."""
-    seen = as_objects(item.visible_area for item in items)
-    shares = shapely.area(shapely.intersection(seen, area)) / area.area
-    return int(np.count_nonzero(shares >= _COVERED))
 
 
 def _compared(
@@ -360,20 +246,20 @@ def _compared(
     return alike
 
 
-def _views(tracks: TrackTable) -> list[Evidence]:
+def views_of_tracks(tracks: TrackTable) -> list[Evidence]:
     """Return one piece of the kept evidence of each view."""
     items = (item for track in tracks.objects for item in track.buffer.items)
     return list({(item.stamp, id(item.prepared_area)): item for item in items}.values())
 
 
 def _known_without_views(tracks: TrackTable, row: int) -> list[bool]:
-    """Return a list that is not empty once `_was_without` is known to be false."""
+    """Return a list that is not empty once `was_without` is known to be false."""
     known: list[bool] = tracks.shapes.polygons[row].cached(_nothing_known, _began(tracks, row))
     return known
 
 
 def _is_known(tracks: TrackTable, row: int, stamp: float) -> bool:
-    """Return whether `_was_without` is known to be false.
+    """Return whether `was_without` is known to be false.
 
     It remains so while the shape is the same, as frames from after the track's beginning add no
     views from before it.
@@ -386,7 +272,7 @@ def _nothing_known(_shape: PreparedPolygon, _begin: float) -> list[bool]:
     return []
 
 
-def _was_without(tracks: TrackTable, row: int, views: Sequence[Evidence]) -> bool:
+def was_without(tracks: TrackTable, row: int, views: Sequence[Evidence]) -> bool:
     """Return whether the robot saw the place of a track before the track was seen there."""
     begin = _began(tracks, row) - _BEFORE
     areas = as_objects(view.visible_area for view in views if view.stamp < begin)

@@ -53,6 +53,7 @@ def protected(
             if row is not None and _is_another(tracks, row, edit.drawn):
                 displaced.append(row)
     table.next_id = max(table.next_id, tracks.next_id)
+    table.first_id = tracks.first_id
     for row in displaced:
         track = dataclasses.replace(tracks.objects[row], id=table.next_id)
         table.add(track, 0, tracks.shapes.polygons[row], (0.0, 0.0), config.max_existence)

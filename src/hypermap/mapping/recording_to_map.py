@@ -23,6 +23,9 @@ from hypermap.perception.recording import Recording
 MAX_BAD = 0.5
 """Share of a recording's frames that may fail before mapping gives up."""
 _MAX_FAILED_FIRST = 100  # frames that may fail before the first usable one
+_COUNTED_EVERY = (
+    20  # frames; to count objects, those of earlier drives are compared with all of this one
+)
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,7 @@ def map_recording(
         prepare(mapper)
     preflight = preflight or Preflight(max_depth=config.perception.max_depth)
     bad = _BadFrames(mapper, recording, max_bad)
+    objects = 0
     for frame in recording.frames(bad.add):
         unusable = mapper.counts.unusable
         try:
@@ -128,7 +132,9 @@ def map_recording(
             preflight.add_mapped(frame)
         if on_progress is not None:
             counts = mapper.counts
-            on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
+            if onto is None or counts.frames % _COUNTED_EVERY == 1:
+                objects = len(mapper.evidence)
+            on_progress(Progress(counts.frames, len(recording), objects, counts))
     bad.finish()
     if mapper.place is not None:
         mapper.place.check(recording.path.name, is_last=True)

@@ -43,6 +43,7 @@ _FALSE = 0.05  # share of those that detect one which is not there
 _DIFFERS = 0.35  # share of the rays stopped by an object from which on more or fewer pass
 _THIN = 0.85  # share of the rays that pass a thin object, such as a lamp
 _IN_PLACE = 0.1  # share of an object's floor on which another thing may be there instead
+_LIKELY = 0.5  # least chance that a drive shows two objects, and not one of them twice
 _AS_FULL = 0.9  # how likely an object has stayed if as many rays end in its place as before
 
 
@@ -100,8 +101,9 @@ class SecondLook:
         present, *earlier = rows_of_drives(len(self.log.frames), self.drives)[::-1]
         has_come, item, shapes = change.kind == ADDED, change.object, self._with_rivals(change)
         without, within = (earlier, [present]) if has_come else ([present], earlier)
-        looks = self._looks_in(without, item, self._with_neighbors(item))
         there = self._looks_in(within, item, shapes)
+        is_second = len(shapes) > 1 and there is not None and there.chance < _LIKELY
+        looks = self._looks_in(without, item, self._with_neighbors(change, is_second))
         stayed = 0.0 if looks is None else looks.chance
         # What the map has may have been gone by the last drive before: that one is no measure.
         with_it = self._looks_in(within, item, shapes, least=1)
@@ -189,30 +191,47 @@ class SecondLook:
                 detected += _detects(frame, item.name, shapes)
         return _Looks(len(passed), detected, float(np.median(passed))) if passed else None
 
-    def _with_neighbors(self, item: SemanticObject) -> list[BaseGeometry]:
-        """Return the shape of an object, then those of unmoved ones that may have been detected.
+    def _with_neighbors(self, change: Change, is_second: bool) -> list[BaseGeometry]:
+        """Return the shape of an object, then those of others that may have been detected.
 
-        Only its own where poses and outlines are off by as much: next to small objects. What
-        reaches into an object may be the same one, mapped twice.
+        These are unmoved ones, and those that stood there before the present drive and were moved
+        since. Only its own where poses and outlines are off by as much: next to small objects.
+
+        Args:
+            change: of the object.
+            is_second: whether it may be the same one as what reaches into it, mapped twice.
         """
-        alike = [one.footprint for one in self._unmoved if one.name == item.name]
-        own, *others = valid_copies(as_objects([item.footprint, *alike]))
+        item, has_come = change.object, change.kind == ADDED
+        unmoved = [one.footprint for one in self._unmoved if one.name == item.name]
+        moved = [one.footprint for one in self._moved if one.name == item.name and has_come]
+        own, *others = valid_copies(as_objects([item.footprint, *unmoved, *moved]))
         if own.area < _LARGE**2:
             return [own]
-        near = [one for one in others if shapely.dwithin(one, own, 2 * _BESIDE)]
-        return [own, *(shape for shape in near if _shared(shape, own) <= _APART)]
+        if is_second or not has_come:
+            unmoved = [one for one in others[: len(unmoved)] if _shared(one, own) <= _APART]
+            others = [*unmoved, *others[len(others) - len(moved) :]]
+        return [own, *(one for one in others if shapely.dwithin(one, own, 2 * _BESIDE))]
+
+    @cached_property
+    def _pairs(self) -> list[tuple[SemanticObject, SemanticObject]]:
+        """The objects of both maps that the present drive has found, as they were and are."""
+        was = {} if self.before is None else {item.id: item for item in self.before.objects()}
+        return [(was[item.id], item) for item in self.after if item.id in was]
 
     @cached_property
     def _unmoved(self) -> list[SemanticObject]:
         """The objects that the present drive has found where they were before."""
-        was = {} if self.before is None else {item.id: item for item in self.before.objects()}
         return [
-            item
-            for item in self.after
-            if item.id in was
-            and _observations(item) >= _observations(was[item.id]) + CONFIRMED
-            and distance_between(was[item.id], item) < MIN_MOVED
+            now
+            for was, now in self._pairs
+            if _observations(now) >= _observations(was) + CONFIRMED
+            and distance_between(was, now) < MIN_MOVED
         ]
+
+    @cached_property
+    def _moved(self) -> list[SemanticObject]:
+        """The objects that the present drive has found elsewhere, as they were before."""
+        return [was for was, now in self._pairs if distance_between(was, now) >= MIN_SHIFT]
 
     def _frames_near(self, item: SemanticObject, rows: slice) -> list[LoggedFrame]:
         """Return the frames of a drive within the range in which an object can be missed."""

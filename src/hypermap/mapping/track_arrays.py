@@ -119,6 +119,7 @@ def _facts(tracks: TrackTable) -> dict[str, Any]:
     return {
         "names": [track.name for track in tracks.objects],
         "next_id": tracks.next_id,
+        "first_id": tracks.first_id,
         "moved": [track.moved for track in tracks.objects],
         "moved_since": [track.moved_since for track in tracks.objects],
         "gone_since": [track.gone_since for track in tracks.objects],
@@ -294,6 +295,9 @@ def _table(
         tracks.add(track, 0, shape, tuple(heights), existence, lost)
         begin = end
     tracks.next_id = max(tracks.next_id, int(facts["next_id"]))
+    tracks.first_id = int(facts.get("first_id", 0))  # unknown in files of earlier versions
+    if not 0 <= tracks.first_id <= tracks.next_id:
+        raise ValueError("the first track of the drive has an impossible id")
     return tracks
 
 

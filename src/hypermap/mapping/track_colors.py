@@ -7,7 +7,7 @@ in CIELAB (CIE 15:2004) by their Euclidean distance.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -31,7 +31,12 @@ _XYZ = np.array(
 _WHITE = _XYZ.sum(axis=1)
 
 
-def differ_in_color(tracks: TrackTable, before: Sequence[int], now: Sequence[int]) -> BoolArray:
+def differ_in_color(
+    tracks: TrackTable,
+    before: Sequence[int],
+    now: Sequence[int],
+    same: Mapping[int, int] | None = None,
+) -> BoolArray:
     """Return which pairs of tracks have such different colors that they are two objects.
 
     What all objects of two drives have in common is the light, or the camera, and does not count.
@@ -41,13 +46,15 @@ def differ_in_color(tracks: TrackTable, before: Sequence[int], now: Sequence[int
         tracks: all tracks.
         before: rows of tracks that are gone, N.
         now: rows of tracks that have come, M.
+        same: rows of tracks of the newest drive that surely are of one object with others, by the
+            rows of these.
 
     Returns:
         Shape (N, M); False where a color is unknown, or the light of the newest one.
     """
     after = [_newest(_paints(tracks.objects[row].buffer)) for row in now]
     seen = np.array([_UNKNOWN if one is None else one.color for one in after]).reshape(-1, 3)
-    gains = _Gains(tracks)
+    gains = _Gains(tracks, same or {})
     differ: BoolArray = np.zeros((len(before), len(now)), dtype=bool)
     for i, row in enumerate(before):
         known = [paint.color * gains.since(paint) for paint in _while_there(tracks.objects[row])]
@@ -117,8 +124,11 @@ def _while_there(track: Track) -> list[_Paint]:
 class _Gains:
     """By how much each channel is brighter in the newest drive than in earlier ones."""
 
-    def __init__(self, tracks: TrackTable) -> None:
-        self._paints = [found for one in tracks.objects if (found := _paints(one.buffer))]
+    def __init__(self, tracks: TrackTable, same: Mapping[int, int]) -> None:
+        paints = [_paints(one.buffer) for one in tracks.objects]
+        for row, other in same.items():
+            paints[row] = (*paints[row], *paints[other])
+        self._paints = [found for found in paints if found]
         self._newest = max((paints[-1].last for paints in self._paints), default=-np.inf)
         self._known: list[tuple[float, NDArray[np.float64]]] = []
 

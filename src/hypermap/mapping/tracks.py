@@ -94,6 +94,7 @@ class TrackTable:
         objects: one track per row.
         shapes: the shapes, classes and heights of the tracks.
         next_id: id of the next new track.
+        first_id: id of the first track of the present drive; smaller ones are of earlier drives.
     """
 
     def __init__(self, max_existence: float) -> None:
@@ -107,7 +108,7 @@ class TrackTable:
         self._times = Column(np.empty((0, 5)))
         self._is_edited = Column(np.empty(0, np.bool_))
         self._max_existence = max_existence
-        self.next_id = 0
+        self.next_id = self.first_id = 0
 
     def copy(self) -> TrackTable:
         """Return a table of the same `Track` objects; the columns are copied."""
@@ -119,7 +120,7 @@ class TrackTable:
         other._misses = self._misses.copy()
         other._times = self._times.copy()
         other._is_edited = self._is_edited.copy()
-        other.next_id = self.next_id
+        other.next_id, other.first_id = self.next_id, self.first_id
         return other
 
     def snapshot(self) -> TrackTable:

@@ -176,7 +176,7 @@ def _tracks(hypermap: Hypermap, state: MapperState, config: MappingConfig) -> Tr
     """Return the tracks of a map, with the edits made by hand."""
     evidence = EvidenceMap(config.evidence)
     evidence.go_on_with(state.tracks, edits_of(hypermap, state, config.evidence))
-    return evidence.tracks()
+    return evidence.settled().snapshot()
 
 
 def _is_free(grid: OccupancyLayer, grid_T_a: Pose2D, free_below: float) -> IsFree:

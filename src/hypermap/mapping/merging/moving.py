@@ -52,7 +52,7 @@ def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> T
             tracks.missed(row),
         )
         begin = end
-    table.next_id = tracks.next_id
+    table.next_id, table.first_id = tracks.next_id, tracks.first_id
     return table
 
 

@@ -84,6 +84,7 @@ def join_tracks(
                 float(second.existence[row]),
                 second.missed(row),
             )
+    tracks.first_id = tracks.next_id  # none is of a drive that goes on
     _add_co_occurrences(tracks, second, ids, pairs)
     gone = {track.id for track in prune(tracks, config)}
     for track in tracks.objects:

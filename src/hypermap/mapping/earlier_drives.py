@@ -1,0 +1,218 @@
+"""What a drive shows of the objects that earlier drives knew: which have stayed, moved, or left.
+
+Each drive makes tracks of its own. They and those of earlier drives are assigned to each other, all
+together: what has stayed adds its evidence to the known object, and what was moved keeps the known
+id. Nothing is decided before the next drive begins: what comes later may tell more.
+
+Source: a linear assignment with costs that are negative logarithms of likelihoods, up to a
+constant, as of targets in Blackman, "Multiple-target tracking with radar applications" (1986); here
+of objects, between drives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import as_objects
+from hypermap.history.likeness import SAME_SHAPE, fills_its_place, likeness
+from hypermap.mapping.association import ASSOCIATIONS
+from hypermap.mapping.evidence_buffer import CONFIRMED, Evidence
+from hypermap.mapping.fusion import FUSIONS
+from hypermap.mapping.moved import GONE
+from hypermap.mapping.reunion import Reunion, SeenBefore, parted
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.track_shapes import Rows
+from hypermap.mapping.tracks import Track, TrackTable, are_two
+
+_LEAST = 0.2  # [m]; least distance of centroids for a move within an object's place
+_PER_AREA = 0.4  # [m] per square meter of an object of which a drive may see only one side
+_AS_MUCH = 0.5  # share of the floor that a moved object leaves, from which it takes about as much
+_LITTLE = 0.4  # IoU below which it is not in its place, whether or not this was seen
+_VIEWS = 2  # of the floor that it has left or taken
+_COVERED = 0.5  # share of that floor which such a view must cover
+_BESIDE = 0.2  # [m] by which poses may put a small object beside its place
+
+
+class EarlierDrives:
+    """Joins the tracks of the present drive to those of earlier ones."""
+
+    def __init__(self, config: EvidenceConfig) -> None:
+        self._config = config
+        self._fuse = FUSIONS[config.fusion]
+        self._associate = ASSOCIATIONS[config.association]
+        self._seen_before: SeenBefore = {}
+
+    def begin_drive(self) -> None:
+        """Forget what is known of the tracks of the drive so far."""
+        self._seen_before.clear()
+
+    def settled(self, tracks: TrackTable) -> TrackTable:
+        """Return a table in which each object has one track; `tracks` itself if it has already.
+
+        Args:
+            tracks: of earlier drives, and of the present one; not changed.
+        """
+        known, fresh = parted(tracks)
+        if not known or not fresh:
+            return tracks
+        pairs = Reunion(tracks, self._config, self._seen_before).pairs()
+        ids = {tracks.objects[row].id for row in fresh}
+        self._seen_before = {n: seen for n, seen in self._seen_before.items() if n in ids}
+        if not pairs:
+            return tracks
+        table = tracks.snapshot()
+        joined: dict[int, int] = {}  # rows of this drive's tracks, and the known ones that get them
+        for pair in pairs:
+            confidence = pair.confidence
+            if confidence is None and self._has_shifted(tracks, pair.known, pair.fresh):
+                confidence = 1.0
+            if confidence is None:
+                self._add_evidence(table, pair.known, pair.fresh)
+            else:
+                _move(table, pair.known, pair.fresh, confidence)
+            joined[pair.fresh] = pair.known
+        for row in fresh:
+            is_there = row not in joined and tracks.existence[row] > GONE
+            if is_there and (whole := self._whole_of(table, row, joined)) is not None:
+                self._add_evidence(table, whole, row)
+                joined[row] = whole
+        objects = table.objects
+        _rename(table, {objects[own].id: objects[known].id for own, known in joined.items()})
+        table.remove(sorted(joined))
+        return table
+
+    def _add_evidence(self, table: TrackTable, known: int, fresh: int) -> None:
+        """Add the evidence of a track of this drive to the known one that it shows."""
+        track, own = table.objects[known], table.objects[fresh]
+        track.buffer.merge([own.buffer])
+        track.pending, track.gone_since = 0, None
+        existence, spared = table.existence, table.spared
+        table.change_existence(known, max(0.0, -float(existence[known])))
+        table.change_existence(known, float(existence[fresh]), float(spared[fresh]))
+        table.misses[known] += table.misses[fresh]
+        if track.by_hand is None or track.by_hand.shape is None:
+            table.shapes.replace(known, self._fuse(track.buffer, self._config))
+        table.shapes.heights[known] = track.buffer.heights()
+        table.note_times([known])
+
+    def _has_shifted(self, tracks: TrackTable, known: int, fresh: int) -> bool:
+        """Return whether an object has moved within its place, or next to it.
+
+        Some pieces of evidence of both drives must agree on places apart, and this drive must have
+        seen the floor where it was. A large object must have moved farther, because a drive may see
+        only one side of it, unless about as much floor is taken as is left, and earlier views saw
+        that.
+        """
+        track, own = tracks.objects[known], tracks.objects[fresh]
+        if min(len(track.buffer), len(own.buffer)) < CONFIRMED or track.by_hand is not None:
+            return False
+        if own.buffer.first_seen < track.buffer.last_seen:  # an older drive, which is mapped later
+            return False
+        was, here = (tracks.shapes.polygons[row].geometry for row in (known, fresh))
+        if shapely.distance(was.centroid, here.centroid) < _LEAST:
+            return False
+        is_same = likeness(was, here) >= SAME_SHAPE
+        return is_same and _is_elsewhere(here, was, own.buffer.items, track.buffer.items)
+
+    def _whole_of(self, table: TrackTable, row: int, joined: dict[int, int]) -> int | None:
+        """Return the row of the known track of which another one shows a part; None if of none.
+
+        The known one has its evidence of this drive already, from a track that no frame shows
+        together with this one.
+        """
+        objects, shapes = table.objects, table.shapes
+        own = {known: fresh for fresh, known in joined.items()}
+        shape, class_ = shapes.polygons[row], int(shapes.classes[row])
+        matches = self._associate(shape, class_, shapes, self._config)
+        beside = _beside(table, row) if shape.area < _BESIDE**2 else []
+        for known in [*matches, *beside]:
+            is_free = objects[known].by_hand is None and table.existence[known] > GONE
+            if known in own and is_free and not are_two(objects[own[known]], objects[row], 0):
+                return known
+        return None
+
+
+def _beside(table: TrackTable, row: int) -> Rows:
+    """Return the rows of known tracks of the same class just beside another one."""
+    shapes = table.shapes
+    place = shapes.polygons[row].geometry.centroid
+    return [
+        known
+        for known in shapes.near(int(shapes.classes[row]), place.buffer(_BESIDE).bounds)
+        if table.objects[known].id < table.first_id
+        and shapely.distance(shapes.polygons[known].geometry.centroid, place) < _BESIDE
+    ]
+
+
+def _move(table: TrackTable, known: int, fresh: int, confidence: float) -> None:
+    """Let a known track go on at the place of one of this drive."""
+    track, own = table.objects[known], table.objects[fresh]
+    pictures, colors, embedding = track.buffer.pictures, track.buffer.colors, track.buffer.embedding
+    track.buffer = own.buffer.since(track.buffer.first_seen)
+    track.buffer.keep_looks(pictures, colors, embedding)
+    track.pending, track.gone_since = own.pending, None
+    track.moved, track.moved_since = confidence, own.buffer.first_seen
+    table.shapes.replace(known, table.shapes.polygons[fresh])
+    table.shapes.heights[known] = table.shapes.heights[fresh]
+    for column in (table.existence, table.spared, table.misses):
+        column[known] = column[fresh]
+    _forget_co_occurrences(table, track)
+    table.note_times([known])
+
+
+def _forget_co_occurrences(table: TrackTable, track: Track) -> None:
+    for row in table.rows_of(track.co_occurrences):
+        table.objects[row].co_occurrences.pop(track.id, None)
+    track.co_occurrences.clear()
+
+
+def _rename(table: TrackTable, ids: dict[int, int]) -> None:
+    """Count co-occurrences with tracks of this drive for the known ones that they have joined.
+
+    Args:
+        table: changed.
+        ids: of the known ones, by those of this drive.
+    """
+    for track in table.objects:
+        for own in ids.keys() & track.co_occurrences.keys():
+            track.co_occurrences[ids[own]] += track.co_occurrences.pop(own)
+    by_id = {track.id: track for track in table.objects}
+    for own, known in ids.items():
+        by_id[known].co_occurrences.update(by_id[own].co_occurrences)
+        by_id[own].co_occurrences.clear()
+    for known in set(ids.values()):
+        by_id[known].co_occurrences.pop(known, None)
+
+
+def _is_elsewhere(
+    here: BaseGeometry,
+    was: BaseGeometry,
+    fresh: Sequence[Evidence],
+    earlier: Sequence[Evidence],
+) -> bool:
+    """Return whether a shape has moved from another one, by the views of it and of that one."""
+    shift = shapely.distance(shapely.centroid(here), shapely.centroid(was))
+    left, taken = _only_in(was, here), _only_in(here, was)
+    if left.is_empty or not _saw(left, fresh):
+        shared = shapely.area(shapely.intersection(here, was))
+        together = here.area + was.area - shared
+        return bool(shared < _LITTLE * together) and not fills_its_place(here, was)
+    if shift >= _PER_AREA * min(here.area, was.area) and not fills_its_place(here, was):
+        return True
+    return bool(taken.area >= _AS_MUCH * left.area) and _saw(taken, earlier)
+
+
+def _only_in(one: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
+    """Return the part of a shape outside of another one, which may be off by a little."""
+    return one.difference(shapely.buffer(other, 0.05))
+
+
+def _saw(area: BaseGeometry, items: Sequence[Evidence]) -> bool:
+    """Return whether some views of an object saw an area of the floor."""
+    seen = as_objects(item.visible_area for item in items)
+    shares = shapely.area(shapely.intersection(seen, area)) / area.area
+    return int(np.count_nonzero(shares >= _COVERED)) >= _VIEWS

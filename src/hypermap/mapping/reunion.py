@@ -1,0 +1,329 @@
+"""Which tracks of a drive are known objects: the assignment of least cost.
+
+A known object has stayed, was moved, has left, or was not seen; a track of the drive is one of
+them, or new. Each of these has a cost, the negative logarithm of how likely it is: 1 more is less
+likely by a factor of e.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray
+from hypermap.history.likeness import FARTHEST, MIN_SHIFT, likeness
+from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence
+from hypermap.mapping.moved import GONE, views_of_tracks, was_without
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.track_colors import differ_in_color
+from hypermap.mapping.track_shapes import Rows
+from hypermap.mapping.tracks import TrackTable
+
+_NEVER = 1e6  # of what is impossible
+
+# A known object that no track of the drive is
+_LEFT = 4.0
+_UNSEEN = 1.0  # it may still be there
+_SURE = 10.0  # existence from which on it has not been missed much
+
+# A track that is none of the known objects
+_CAME = 4.0
+_MAY_HAVE_BEEN = 2.0  # its place was not seen before
+_DOUBTFUL = 1.0  # it is not probable enough for the map
+
+# An object that has stayed
+_UNLIKE = 3.0  # of another shape
+_AWAY = 2.0  # per meter of distance
+_HIGHER = 4.0  # per share of the height by which it differs
+_BACK = 3.0  # it was gone when the last drive ended
+_ONCE = 4.0  # it was detected only once before, which may have been wrong, and often now
+_PART = 0.8  # how alike a part and its whole are, of 1
+_BESIDE = 0.5  # how alike two are that are in the same place, at least
+_SAME_PLACE = 0.25  # [m] within which a small object is in its place
+_SURELY = 1.0  # cost up to which it surely has
+
+# An object that was moved
+_MOVED = 2.2
+_FAR = 1.0  # per factor of e in the distance
+_NEAREST = 0.3  # [m] from which on distances count
+_TURNED = 4.0  # of another shape
+_RAISED = 20.0  # per share of the height by which it differs
+_STILL_THERE = 0.8  # its old place may still be taken
+_LONG_GONE = 1.0  # it was gone when the last drive ended
+_UNKNOWN = 1.0  # its new place was not seen before
+_LEAST_LIKE = 0.1  # likeness of two shapes of one object
+
+_HEIGHT_ERROR = 0.05  # share of a height by which maps measure it wrongly
+_ON_FLOOR = 0.3  # [m]; the lower side of objects above is not measured
+_TINY = 1e-12
+_OVER = 0.2  # share of the smaller one from which two objects take one place
+
+
+SeenBefore: TypeAlias = dict[int, tuple[PreparedPolygon, bool]]
+"""Whether the robot saw the place of a shape empty before, by the ids of the tracks with them."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A known track, and the track of the drive that is the same object.
+
+    Attributes:
+        known: row of the known one.
+        fresh: row of the other one.
+        confidence: how likely it was moved there, over all it may be, 0..1; None if it has stayed.
+    """
+
+    known: int
+    fresh: int
+    confidence: float | None
+
+
+def parted(tracks: TrackTable) -> tuple[Rows, Rows]:
+    """Return the rows of the tracks of earlier drives, and of those of the present one."""
+    ids = [track.id for track in tracks.objects]
+    known = int(np.searchsorted(ids, tracks.first_id))
+    return list(range(known)), list(range(known, len(ids)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Class:
+    """The tracks of one class, N of earlier drives and M of the present one.
+
+    Attributes:
+        known: rows of those of earlier drives.
+        fresh: rows of the others.
+        areas: of their shapes [m²], shapes (N,) and (M,).
+        shared: areas that two of them share [m²], shape (N, M).
+        ways: distances of their centers [m], shape (N, M).
+        higher: by which share their heights differ, beyond the error, shape (N, M).
+    """
+
+    known: Rows
+    fresh: Rows
+    areas: tuple[NDArray[np.float64], NDArray[np.float64]]
+    shared: NDArray[np.float64]
+    ways: NDArray[np.float64]
+    higher: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, tracks: TrackTable, known: Rows, fresh: Rows) -> _Class:
+        """Compare tracks."""
+        shapes = tracks.shapes
+        a, b = shapes.geometries(known), shapes.geometries(fresh)
+        boxes, theirs = shapes.boxes[known][:, None], shapes.boxes[fresh]
+        meet = (boxes[..., :2] <= theirs[:, 2:]) & (boxes[..., 2:] >= theirs[:, :2])
+        near = np.nonzero(meet.all(axis=2))
+        shared = np.zeros((len(known), len(fresh)))
+        shared[near] = shapely.area(shapely.intersection(a[near[0]], b[near[1]]))
+        ways = shapely.distance(shapely.centroid(a)[:, None], shapely.centroid(b))
+        ways = np.nan_to_num(ways, nan=math.inf)  # what is empty is far from everything
+        areas = shapely.area(a), shapely.area(b)
+        return cls(known, fresh, areas, shared, ways, _higher(shapes.heights, known, fresh))
+
+
+def _higher(heights: NDArray[np.float64], known: Rows, fresh: Rows) -> NDArray[np.float64]:
+    """Return by which share the heights of tracks differ, beyond their error, shape (N, M)."""
+    tops = heights[known, 1][:, None], heights[fresh, 1]
+    is_on_floor = np.maximum(heights[known, 0][:, None], heights[fresh, 0]) <= _ON_FLOOR
+    ratios = np.minimum(*tops) / np.maximum(np.maximum(*tops), _TINY)
+    return np.where(is_on_floor, np.maximum(1 - _HEIGHT_ERROR - ratios, 0), 0)
+
+
+class Reunion:
+    """The tracks of earlier drives and of the present one, to be assigned to each other."""
+
+    def __init__(self, tracks: TrackTable, config: EvidenceConfig, seen_before: SeenBefore) -> None:
+        """Prepare to assign tracks.
+
+        Args:
+            tracks: not changed.
+            config: of their map.
+            seen_before: what is known of the places of tracks; changed.
+        """
+        self._tracks, self._config = tracks, config
+        self._seen_before = seen_before
+
+    def pairs(self) -> list[Pair]:
+        """Return all pairs, class by class, in the order of the names."""
+        return [pair for one in self._classes for pair in self._pairs(one)]
+
+    @cached_property
+    def _classes(self) -> list[_Class]:
+        """The classes that both earlier drives and this one have found."""
+        known, fresh = parted(self._tracks)
+        objects, found = self._tracks.objects, []
+        for name in sorted({objects[row].name for row in fresh}):
+            some = [row for row in known if objects[row].name == name]
+            some = [row for row in some if not objects[row].is_deleted]
+            if some:
+                others = [row for row in fresh if objects[row].name == name]
+                found.append(_Class.of(self._tracks, some, others))
+        return found
+
+    def _pairs(self, one: _Class) -> list[Pair]:
+        # The import takes a quarter of a second, and most drives begin a map.
+        from scipy.optimize import linear_sum_assignment
+
+        stays, leaving = self._stays[id(one)], self._costs_of_leaving(one)
+        moves = self._costs_of_moving(one, leaving)
+        coming = np.array([self._cost_of_coming(row) for row in one.fresh])
+        n, m = stays.shape
+        costs = np.full((n + m, n + m), _NEVER)
+        costs[:n, :m] = np.minimum(stays, moves)
+        costs[np.arange(n), m + np.arange(n)] = leaving
+        costs[n + np.arange(m), np.arange(m)] = coming
+        costs[n:, m:] = 0
+        rows, cols = linear_sum_assignment(costs)
+        found = []
+        for i, j in zip(rows.tolist(), cols.tolist(), strict=True):
+            if i < n and j < m and costs[i, j] < _NEVER:
+                has_stayed = stays[i, j] <= moves[i, j]
+                confidence = None if has_stayed else _confidence(moves, i, j)
+                found.append(Pair(one.known[i], one.fresh[j], confidence))
+        return found
+
+    @cached_property
+    def _stays(self) -> dict[int, NDArray[np.float64]]:
+        """What it costs that known objects have stayed, shapes (N, M), by the ids of classes."""
+        return {id(one): self._costs_of_staying(one) for one in self._classes}
+
+    def _costs_of_staying(self, one: _Class) -> NDArray[np.float64]:
+        """Return what it costs that each known object is each of the others, shape (N, M)."""
+        objects, is_near = self._tracks.objects, one.ways < _SAME_PLACE
+        least = np.minimum(one.areas[0][:, None], one.areas[1])
+        most = np.maximum(one.areas[0][:, None], one.areas[1])
+        ious = one.shared / np.maximum(least + most - one.shared, _TINY)
+        parts = one.shared / np.maximum(least, _TINY)
+        alike = np.maximum(np.maximum(ious, _PART * parts), np.where(is_near, _BESIDE, 0))
+        costs = _UNLIKE * (1 - alike) + _AWAY * one.ways + _HIGHER * one.higher
+        is_often_seen = np.array([objects[row].buffer.count >= CONFIRMED for row in one.fresh])
+        for i, row in enumerate(one.known):
+            if objects[row].buffer.count == 1:
+                costs[i] += np.where(is_often_seen, _ONCE, 0)
+            elif self._was_gone(row):
+                costs[i] += _BACK
+        return np.where((one.shared > 0) | is_near, costs, _NEVER)
+
+    def _costs_of_moving(self, one: _Class, leaving: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what it costs that each known object was moved to each of the others, (N, M).
+
+        Only where that may be less than that the one has left, and the other one came.
+        """
+        shapes = self._tracks.shapes
+        costs = _MOVED + _FAR * np.log(np.maximum(one.ways, _NEAREST) / _NEAREST)
+        costs += _RAISED * one.higher
+        for i, row in enumerate(one.known):
+            if not self._is_gone(row):
+                costs[i] += _STILL_THERE * (1 - self._missed(row))
+            elif self._was_gone(row):
+                costs[i] += _LONG_GONE
+        possible = self._may_have_moved(one) & (costs < leaving[:, None] + _CAME)
+        if possible.any():
+            possible &= ~differ_in_color(self._tracks, one.known, one.fresh, self._surely_same)
+        for i, j in np.argwhere(possible).tolist():
+            row, other = one.known[i], one.fresh[j]
+            alike = likeness(shapes.polygons[row].geometry, shapes.polygons[other].geometry)
+            is_shown_beside = bool(self._tracks.objects[row].co_occurrences[self._id(other)])
+            possible[i, j] = alike >= _LEAST_LIKE and not is_shown_beside
+            costs[i, j] += _TURNED * (1 - alike)
+            costs[i, j] += 0.0 if self._was_without(other) else _UNKNOWN
+        return np.where(possible, costs, _NEVER)
+
+    def _may_have_moved(self, one: _Class) -> BoolArray:
+        """Return which known objects may be which others, as far as times and places tell."""
+        objects, same = self._tracks.objects, self._surely_same
+        stayed = set(same.values())
+        last = np.array([objects[row].buffer.surely_there[1] for row in one.known])
+        first = np.array([objects[row].buffer.surely_there[0] for row in one.fresh])
+        is_known = np.array([self._can_move(row) and row not in same for row in one.known])
+        is_sure = np.array([self._is_published(r) and r not in stayed for r in one.fresh])
+        found: BoolArray = (one.ways >= MIN_SHIFT) & (one.ways <= FARTHEST)
+        found &= (first > last[:, None]) & is_known[:, None] & is_sure
+        return found
+
+    def _can_move(self, row: int) -> bool:
+        """Return whether a known object is confirmed, and no one has edited it."""
+        track = self._tracks.objects[row]
+        return track.by_hand is None and track.buffer.count >= CONFIRMED
+
+    def _costs_of_leaving(self, one: _Class) -> NDArray[np.float64]:
+        """Return what it costs that each known object is none of the others, shape (N,)."""
+        is_sure = np.array([self._is_published(row) for row in one.fresh])
+        least = np.minimum(one.areas[0][:, None], one.areas[1])
+        is_replaced = ((one.shared > 0) & (one.shared >= _OVER * least) & is_sure).any(axis=1)
+        rows = zip(one.known, is_replaced.tolist(), strict=True)
+        return np.array([self._cost_of_leaving(row, replaced) for row, replaced in rows])
+
+    def _cost_of_leaving(self, row: int, is_replaced: bool) -> float:
+        if self._was_gone(row) or self._tracks.objects[row].buffer.count == 1:
+            return 0.0
+        if self._is_gone(row) or is_replaced:
+            return _LEFT
+        return _UNSEEN + (_LEFT - _UNSEEN) * self._missed(row)
+
+    def _cost_of_coming(self, row: int) -> float:
+        """Return what it costs that a track of the drive is no known object."""
+        if not self._is_published(row):
+            return _DOUBTFUL
+        return _CAME if self._was_without(row) else _MAY_HAVE_BEEN
+
+    @cached_property
+    def _surely_same(self) -> dict[int, int]:
+        """The rows of this drive that surely show known objects in their places, by these."""
+        found = {}
+        for one in self._classes:
+            costs = self._stays[id(one)]
+            for i, j in enumerate(costs.argmin(axis=1).tolist()):
+                if costs[i, j] < _SURELY and costs[:, j].argmin() == i:
+                    found[one.known[i]] = one.fresh[j]
+        return found
+
+    def _id(self, row: int) -> int:
+        return self._tracks.objects[row].id
+
+    def _is_published(self, row: int) -> bool:
+        return bool(self._tracks.existence[row] > self._config.publish_above)
+
+    def _is_gone(self, row: int) -> bool:
+        return bool(self._tracks.existence[row] <= GONE)
+
+    def _was_gone(self, row: int) -> bool:
+        """Return whether a known object was gone before this drive began."""
+        since = self._tracks.objects[row].gone_since
+        return self._is_gone(row) and (since is None or since < self._began - STALE)
+
+    @cached_property
+    def _began(self) -> float:
+        """The stamp of the first observation of this drive [s]."""
+        _, fresh = parted(self._tracks)
+        return min(self._tracks.objects[row].buffer.first_seen for row in fresh)
+
+    def _missed(self, row: int) -> float:
+        """Return how far a known object has been missed, 0..1."""
+        return 1 - float(np.clip(self._tracks.existence[row] / _SURE, 0, 1))
+
+    def _was_without(self, row: int) -> bool:
+        """Return whether the robot saw the place of a track of this drive before it was there."""
+        number, shape = self._id(row), self._tracks.shapes.polygons[row]
+        known = self._seen_before.get(number)  # each view of this drive would not change it
+        if known is None or known[0] is not shape:
+            known = shape, was_without(self._tracks, row, self._views)
+            self._seen_before[number] = known
+        return known[1]
+
+    @cached_property
+    def _views(self) -> list[Evidence]:
+        return views_of_tracks(self._tracks)
+
+
+def _confidence(moves: NDArray[np.float64], i: int, j: int) -> float:
+    """Return how likely a move is, over all others of its object or to its new place, 0..1."""
+    others = moves[i], moves[:, j]
+    return float(1 / max(np.exp(moves[i, j] - costs).sum() for costs in others))

@@ -1,0 +1,129 @@
+"""Two drives through rooms that change at random: what joins them loses and doubles nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hypermap.core.semantic import SemanticObject
+from hypermap.mapping.by_hand import HandEdit
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.track_arrays import packed_tables
+
+from .evidence_tools import DEFAULT, only, seen, square
+
+DAY = 86_400.0
+
+places = st.tuples(st.integers(-8, 8), st.integers(-8, 8)).map(lambda at: (at[0] / 2, at[1] / 2))
+frames = st.lists(places, max_size=5, unique=True)
+drives = st.lists(frames, min_size=1, max_size=12)
+
+
+def mapped(*days: list[list[tuple[float, float]]]) -> EvidenceMap:
+    """Return a map of drives a day apart, whose frames show chairs at some places."""
+    evidence = EvidenceMap(DEFAULT)
+    for day, drive in enumerate(days):
+        for second, shown in enumerate(drive):
+            shapes = [square(x, y, side=0.6) for x, y in shown]
+            evidence.update(seen(*shapes, stamp=day * DAY + second))
+    return evidence
+
+
+@settings(max_examples=60, deadline=None)
+@given(drives, drives, drives)
+def test_joining_drives_loses_and_doubles_nothing(
+    first: list[list[tuple[float, float]]],
+    second: list[list[tuple[float, float]]],
+    third: list[list[tuple[float, float]]],
+) -> None:
+    evidence = mapped(first, second, third)
+    apart = evidence.tracks()
+    before = packed_tables(apart)
+    table = evidence.settled()
+
+    ids = [track.id for track in table.objects]
+    assert ids == sorted(set(ids))
+    known = {track.id for track in apart.objects if track.id < apart.first_id}
+    assert known <= set(ids) <= {track.id for track in apart.objects}
+
+    for track in table.objects:  # frames that show two tracks show each of them
+        for other, count in track.co_occurrences.items():
+            (row,) = table.rows_of([other])
+            assert table.objects[row].co_occurrences[track.id] == count
+            assert other != track.id
+
+    own = [
+        item for track in apart.objects if track.id >= apart.first_id for item in track.buffer.items
+    ]
+    kept = [id(item) for track in table.objects for item in track.buffer.items]
+    assert len(kept) == len(set(kept))
+    assert {id(item) for item in own} <= set(kept)
+
+    after = packed_tables(evidence.tracks())
+    assert before.facts == after.facts
+    for name, values in before.arrays.items():
+        np.testing.assert_array_equal(values, after.arrays[name])
+
+
+@settings(max_examples=30, deadline=None)
+@given(drives)
+def test_the_first_drive_has_nothing_to_be_joined_to(
+    drive: list[list[tuple[float, float]]],
+) -> None:
+    evidence = mapped(drive)
+    assert evidence.tracks().first_id == 0
+    assert evidence.settled() is evidence.settled()
+    assert len(evidence.settled().objects) == len(evidence.tracks().objects)
+
+
+def test_equal_chairs_in_a_row_keep_their_ids_whichever_is_seen_first() -> None:
+    row = [(float(x), 0.0) for x in (-1, 0, 1)]
+    first = {item.footprint.centroid.x: item.id for item in mapped([row] * 6).objects()}
+    for order in (row, row[::-1]):
+        shifted = [(x + 0.1, y) for x, y in order]
+        evidence = mapped([row] * 6, [shifted[: n + 1] for n in range(3)] * 4)
+        found = [(item.footprint.centroid.x, item.id) for item in evidence.objects()]
+        assert len(found) == 3
+        for x, number in found:
+            assert first[min(first, key=lambda was: abs(was - x))] == number
+
+
+def test_of_two_equal_chairs_the_one_that_is_gone_is_not_the_one_that_was_moved() -> None:
+    """The second one comes to half a meter from where the first one stood."""
+    evidence = mapped([[(0.0, 0.0), (1.5, 0.0)]] * 6, [[(0.5, 0.0)]] * 40)
+    chair = only(evidence)
+    assert chair.attributes["moved"]["confidence"] < 1
+    left = 1 - chair.id
+    (row,) = evidence.settled().rows_of([left])
+    assert evidence.settled().objects[row].gone_since is not None
+
+
+def test_a_drive_adds_to_an_edited_object_at_once() -> None:
+    evidence = mapped([[(0.0, 0.0)]] * 6)
+    evidence.go_on_with(evidence.tracks(), {0: HandEdit(name="Anna's chair")})
+    for second in range(6):
+        evidence.update(seen(square(0.0, side=0.6), stamp=DAY + second))
+    chair = only(evidence)
+    assert (chair.id, chair.name, chair.attributes["evidence"]) == (0, "Anna's chair", 12)
+
+
+def test_edits_of_what_a_drive_has_just_found_to_be_moved_are_of_the_object_there() -> None:
+    evidence = mapped([[(-3.0, 0.0)]] * 6, [[(3.0, 0.0)]] * 40)
+    chair = only(evidence)
+    assert (chair.id, chair.footprint.centroid.x) == (0, pytest.approx(3, abs=0.05))
+    evidence.go_on_with(evidence.tracks(), {0: HandEdit(name="Anna's chair")})
+    chair = only(evidence)
+    assert (chair.id, chair.name) == (0, "Anna's chair")
+    assert chair.footprint.centroid.x == pytest.approx(3, abs=0.05)
+
+
+def test_a_shape_without_area_that_people_have_drawn_is_no_obstacle() -> None:
+    drawn = SemanticObject("chair", shapely.Polygon([(0, 0), (1, 0), (2, 0)]), id=7)
+    evidence = mapped([[(0.0, 0.0)]] * 6)
+    evidence.go_on_with(evidence.tracks(), {7: HandEdit(drawn=drawn)})
+    for second in range(6):
+        evidence.update(seen(square(2.0, side=0.6), stamp=DAY + second))
+    assert 7 in {item.id for item in evidence.objects()}
