@@ -412,7 +412,6 @@ class EvidenceMap:
             matches = [one for one in matches if one == row or self._takes_evidence(one)]
             if len(matches) > 1 and self.config.exclusive:
                 matches = [one for one in matches if one == row or self._are_one(row, one)]
-                matches = self._merge_rules().of_one(row, matches)
             if len(matches) > 1 and self._edited:
                 matches = self._merge_rules().mergeable(matches)
                 matches = matches if row in matches else []

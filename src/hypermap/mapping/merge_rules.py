@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import shapely
 
-from hypermap.mapping.evidence_buffer import CONFIRMED, STALE
+from hypermap.mapping.evidence_buffer import CONFIRMED
 from hypermap.mapping.footprint_iou import at_same_height
 from hypermap.mapping.published import PublishedTracks
 from hypermap.mapping.seen_sizes import may_be_one
@@ -43,25 +43,6 @@ class MergeRules:
             rows = [kept, *(row for row in rows if row != kept)]
         edited = [row for row in rows if objects[row].by_hand is not None]
         return [*edited[:1], *(row for row in rows if row not in edited)] if edited else rows
-
-    def of_one(self, row: int, matches: Rows) -> Rows:
-        """Return the matches of a track without those that are other objects than better matches.
-
-        A new track may reach over two objects that are known since an earlier drive. It belongs to
-        one of them, and the other one keeps its id.
-        """
-        objects = self.published.tracks.objects
-        begin = objects[row].buffer.last_seen - STALE
-
-        def is_known(one: int) -> bool:
-            return one != row and objects[one].buffer.first_seen < begin
-
-        rest: list[int] = []
-        for one in matches:
-            others = [other for other in rest if is_known(other)] if is_known(one) else []
-            if all(self.are_one(other, one) for other in others):
-                rest.append(one)
-        return rest
 
     def are_one(self, row: int, match: int) -> bool:
         """Return whether two tracks may be one object: not if many frames show both.
