@@ -344,10 +344,10 @@ class EvidenceMap:
         there = [row for row in matches if self._may_be(row)]
         if matches and not there:  # objects deleted by hand do not come back
             return self._tracks.objects[matches[0]].id
-        # What is gone comes back by `find_moves`, as another one may have moved to its place; but
-        # what people have edited comes back here, as it never moves.
         known = [row for row in there if not self._takes_evidence(row)]
         there = [row for row in there if self._takes_evidence(row)]
+        # What is gone comes back by `find_moves`, as another one may have moved to its place; but
+        # what people have edited comes back here, as it never moves.
         matches = [row for row in there if not self._is_remembered(row)]
         matches = matches or [row for row in there if self._is_edited(row)]
         if len(matches) == 0:
