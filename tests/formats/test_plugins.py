@@ -29,7 +29,7 @@ FAILING = """
 class Failing:
     def empty(self, name, frame_id, settings): raise RuntimeError("no license")
     def load(self, store, file, name, frame_id, settings): raise RuntimeError("no license")
-    def save(self, layer, store, file): return 1 / 0
+    def save(self, layer, store, file): raise SystemExit(3)
 PLUGIN = Failing()
 """
 
@@ -41,12 +41,14 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "some_rooms.py").write_text(PLUGIN)
     (tmp_path / "broken_rooms.py").write_text("import no_such_library")
     (tmp_path / "failing_rooms.py").write_text(FAILING)
+    (tmp_path / "ending_rooms.py").write_text("import sys; sys.exit('no license')")
     (tmp_path / "full_rooms.py").write_text("raise MemoryError")
     (tmp_path / "half_rooms.py").write_text("def empty(): ...\ndef load(): ...\n")
     points = {
         "RoomLayer": "some_rooms:PLUGIN",
         "BrokenLayer": "broken_rooms:PLUGIN",
         "HalfLayer": "half_rooms",
+        "EndingLayer": "ending_rooms:PLUGIN",
         "FullLayer": "full_rooms:PLUGIN",
         "FailingLayer": "failing_rooms:PLUGIN",
         "NowhereLayer": "some_rooms:NOTHING",
@@ -87,6 +89,11 @@ def test_a_package_brings_layers_and_cannot_replace_ours(install: Path) -> None:
             "imported: AttributeError: ",
         ),
         (
+            "EndingLayer",
+            "the plug-in for layers of class 'EndingLayer' (ending_rooms:PLUGIN) cannot be "
+            "imported: SystemExit: no license; update its package",
+        ),
+        (
             "HalfLayer",
             "the plug-in for layers of class 'HalfLayer' (half_rooms) has no function 'save'",
         ),
@@ -115,8 +122,7 @@ def test_what_a_plugin_raises_is_reported_as_the_plugins(tmp_path: Path) -> None
     with pytest.raises(HypermapError) as error:
         save_map(Hypermap([Failing("rooms", "map")]), tmp_path / "out.hmap")
     assert str(error.value) == (
-        "the plug-in for layers of class 'FailingLayer' cannot write layer 'rooms': "
-        "ZeroDivisionError: division by zero"
+        "the plug-in for layers of class 'FailingLayer' cannot write layer 'rooms': SystemExit: 3"
     )
     config = tmp_path / "map" / "hmap_config.yaml"
     config.parent.mkdir()
@@ -128,8 +134,12 @@ def test_what_a_plugin_raises_is_reported_as_the_plugins(tmp_path: Path) -> None
 
 
 @pytest.mark.usefixtures("install")
-def test_that_the_memory_is_full_is_not_the_plugins_fault() -> None:
+def test_a_full_memory_and_signals_are_not_the_plugins_fault() -> None:
     with pytest.raises(MemoryError):
         plugin_for("FullLayer")
     with pytest.raises(MemoryError), blamed_on_plugin("FailingLayer", "cannot read it"):
         raise MemoryError
+    for end in (KeyboardInterrupt, SystemExit(143)):  # Ctrl-C, SIGTERM
+        with pytest.raises(BaseException) as ended, blamed_on_plugin("FailingLayer", "cannot"):
+            raise end
+        assert not isinstance(ended.value, HypermapError)

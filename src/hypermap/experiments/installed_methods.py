@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import signal
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,12 +13,11 @@ from typing import Any, Protocol, TypeAlias
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
-from hypermap.entry_points import entry_point, installed
+from hypermap.entry_points import entry_point, in_words, installed, is_packages_fault
 from hypermap.mapping.config import MappingConfig
 from hypermap.perception.frame import RgbdFrame
 
 ENTRY_POINT_GROUP = "hypermap.methods"
-_BY_SIGNAL = {128 + number for number in signal.valid_signals()}  # exit codes
 
 
 class MethodFailed(HypermapError):
@@ -84,13 +82,11 @@ def _named(method: InstalledMethod, what: str, drive: str) -> Iterator[None]:
     """Turn what a package raises into a MethodFailed."""
     try:
         yield
-    except MemoryError:
-        raise
-    except (Exception, SystemExit) as error:  # whatever the package raises
-        if isinstance(error, SystemExit) and error.code in _BY_SIGNAL:
-            raise  # it is the user who ends the experiment
+    except BaseException as error:
+        if not is_packages_fault(error):
+            raise
         last = traceback.extract_tb(error.__traceback__)[-1]
-        why = f"{what} on {drive}: {_words(error)} (line {last.lineno} of {last.filename})"
+        why = f"{what} on {drive}: {in_words(error)} (line {last.lineno} of {last.filename})"
         raise _cannot(method.name, method.source, why) from error
 
 
@@ -165,15 +161,11 @@ def _found(name: str) -> EntryPoint:
 def _loaded(entry: EntryPoint) -> Any:
     try:
         return entry.load()
-    except MemoryError:
-        raise
-    except (Exception, SystemExit) as error:  # whatever the package raises when it is imported
-        raise _cannot(entry.name, entry.value, f"cannot be loaded: {_words(error)}") from error
+    except BaseException as error:
+        if not is_packages_fault(error):
+            raise
+        raise _cannot(entry.name, entry.value, f"cannot be loaded: {in_words(error)}") from error
 
 
 def _cannot(name: str, source: str, why: str) -> MethodFailed:
     return MethodFailed(f"method {name!r} ({source}): {why}")
-
-
-def _words(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"

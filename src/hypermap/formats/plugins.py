@@ -84,14 +84,17 @@ def blamed_on_plugin(class_name: str, work: str) -> Iterator[None]:
     """
     try:
         yield
-    except (HypermapError, OSError, MemoryError):
+    except (HypermapError, OSError):
         raise
-    except Exception as error:
+    except BaseException as error:
         if class_name in _OURS:
             raise
+        from hypermap.entry_points import in_words, is_packages_fault
+
+        if not is_packages_fault(error):
+            raise
         raise HypermapError(
-            f"the plug-in for layers of class {class_name!r} {work}: "
-            f"{type(error).__name__}: {error}"
+            f"the plug-in for layers of class {class_name!r} {work}: {in_words(error)}"
         ) from error
 
 
@@ -109,16 +112,18 @@ def _ours(class_name: str) -> LayerPlugin:
 
 @functools.cache
 def _load(entry_point: EntryPoint) -> LayerPlugin:
+    from hypermap.entry_points import in_words, is_packages_fault
+
     name, value = entry_point.name, entry_point.value
     try:
         plugin = entry_point.load()
-    except MemoryError:
-        raise
-    except Exception as error:  # importing another package may raise anything
+    except BaseException as error:
+        if not is_packages_fault(error):
+            raise
         raise HypermapError(
             f"the plug-in for layers of class {name!r} ({value}) cannot be imported: "
-            f"{type(error).__name__}: {error}; update its package, or uninstall it: then the "
-            "other layers can be used, and these are kept as they are"
+            f"{in_words(error)}; update its package, or uninstall it: then the other layers can be "
+            "used, and these are kept as they are"
         ) from error
     missing = [verb for verb in ("empty", "load", "save") if not callable(getattr(plugin, verb, 0))]
     if missing:

@@ -26,6 +26,8 @@ class WholeImage:
     def __init__(self, name):
         if name == "nothing":
             raise FileNotFoundError("there is no nothing")
+        if name == "end":
+            raise SystemExit
         self.name = name
 
     def detect(self, color):
@@ -65,6 +67,11 @@ def test_a_detector_of_another_package_gets_what_stands_after_its_name() -> None
             "whole:nothing",
             "detector plug-in 'whole' (whole_image:WholeImage) cannot be created from 'nothing': "
             "FileNotFoundError: there is no nothing",
+        ),
+        (
+            "whole:end",
+            "detector plug-in 'whole' (whole_image:WholeImage) cannot be created from 'end': "
+            "SystemExit",
         ),
         ("whole", "whole: the installed detector of this name needs an argument: whole:ARGUMENT"),
     ],

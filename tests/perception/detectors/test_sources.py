@@ -125,7 +125,7 @@ class Moody:
         self.answer = answer
 
     def detect(self, _color: np.ndarray) -> object:
-        if isinstance(self.answer, Exception):
+        if isinstance(self.answer, BaseException):
             raise self.answer
         return self.answer
 
@@ -135,6 +135,7 @@ class Moody:
     [
         (ZeroDivisionError("division by zero"), "failed: ZeroDivisionError: division by zero"),
         (KeyError(), "failed: KeyError"),
+        (SystemExit("no license"), "failed: SystemExit: no license"),
         ([1, 2], "returned list, not Detections"),
     ],
 )

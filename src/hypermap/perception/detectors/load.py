@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError, did_you_mean
-from hypermap.entry_points import entry_point, installed
+from hypermap.entry_points import entry_point, in_words, installed, is_packages_fault
 from hypermap.perception.detections import Detector
 from hypermap.perception.detectors.catalog import known_network
 
@@ -71,11 +71,13 @@ def _made_by(plugin: EntryPoint, argument: str) -> Detector:
     """
     try:
         detector: Detector = plugin.load()(argument)
-    except (HypermapError, MemoryError):
+    except HypermapError:
         raise
-    except Exception as error:
+    except BaseException as error:
+        if not is_packages_fault(error):
+            raise
         raise HypermapError(
             f"detector plug-in {plugin.name!r} ({plugin.value}) cannot be created from "
-            f"{argument!r}: {type(error).__name__}: {error}"
+            f"{argument!r}: {in_words(error)}"
         ) from error
     return detector

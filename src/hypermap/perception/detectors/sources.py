@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hypermap.core.errors import FormatError, HypermapError
+from hypermap.entry_points import in_words, is_packages_fault
 from hypermap.perception.detections import Detections, Detector
 from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.perception.frame import DetectionSource, RgbdFrame
@@ -48,12 +49,11 @@ def detections_of(name: str, look: Callable[[], Any]) -> Detections:
         raise
     except MemoryError:
         raise HypermapError("there was not enough memory to find objects in it") from None
-    except Exception as error:
+    except BaseException as error:
+        if not is_packages_fault(error):
+            raise
         logger.debug("%s failed", name, exc_info=True)
-        problem = str(error)
-        raise HypermapError(
-            f"{name} failed: {type(error).__name__}" + (f": {problem}" if problem else "")
-        ) from error
+        raise HypermapError(f"{name} failed: {in_words(error)}") from error
     if not isinstance(found, Detections):
         raise HypermapError(f"{name} returned {type(found).__name__}, not Detections")
     return found

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError, did_you_mean
-from hypermap.entry_points import entry_point, installed
+from hypermap.entry_points import entry_point, in_words, installed, is_packages_fault
 from hypermap.perception.embedders.embedder import Embedder
 
 ENTRY_POINT_GROUP = "hypermap.embedders"
@@ -31,21 +37,51 @@ def load_embedder(path: str | Path, threads: int | None = None) -> Embedder:
     name, colon, argument = str(path).partition(":")
     plugin = entry_point(ENTRY_POINT_GROUP, name)
     if colon and plugin is not None:
-        try:
-            made: Embedder = plugin.load()(argument)
-        except (HypermapError, MemoryError):
-            raise
-        except Exception as error:
-            raise HypermapError(
-                f"embedder plug-in {name!r} cannot be created from {argument!r}: {error}"
-            ) from error
-        return made
+        return _Named(f"embedder plug-in {name!r} ({plugin.value})", plugin.load, argument)
     if colon and not Path(path).exists():
         hint = did_you_mean(name, installed(ENTRY_POINT_GROUP))
         raise HypermapError(f"{path}: no embedder {name!r} is installed; {hint}")
     from hypermap.perception.embedders.onnx_embedder import OnnxEmbedder
 
     return OnnxEmbedder(path, threads)
+
+
+class _Named:
+    """An embedder of another package, whose name is in its errors."""
+
+    def __init__(self, name: str, load: Callable[[], Any], argument: str) -> None:
+        """Make it from its argument.
+
+        Raises:
+            HypermapError: If that cannot be done.
+        """
+        self._name = name
+        with self._errors(f"cannot be created from {argument!r}"):
+            self._embedder = load()(argument)
+            self.model: str = self._embedder.model
+
+    def images(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
+        """Return a unit vector for each image."""
+        with self._errors("cannot embed images"):
+            vectors: NDArray[np.float32] = self._embedder.images(images)
+        return vectors
+
+    def texts(self, texts: list[str]) -> NDArray[np.float32]:
+        """Return a unit vector for each text."""
+        with self._errors("cannot embed texts"):
+            vectors: NDArray[np.float32] = self._embedder.texts(texts)
+        return vectors
+
+    @contextmanager
+    def _errors(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except HypermapError:
+            raise
+        except BaseException as error:
+            if not is_packages_fault(error):
+                raise
+            raise HypermapError(f"{self._name} {what}: {in_words(error)}") from error
 
 
 def embedder_in_use() -> Embedder:
