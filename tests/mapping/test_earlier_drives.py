@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hypermap.core.semantic import SemanticObject
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.track_arrays import packed_tables
+from hypermap.mapping.track_arrays import packed_tables, unpacked_tables
 
 from .evidence_tools import DEFAULT, only, seen, square
 
@@ -127,3 +127,55 @@ def test_a_shape_without_area_that_people_have_drawn_is_no_obstacle() -> None:
     for second in range(6):
         evidence.update(seen(square(2.0, side=0.6), stamp=DAY + second))
     assert 7 in {item.id for item in evidence.objects()}
+
+
+def test_what_is_drawn_while_a_drive_goes_on_is_not_taken_for_what_earlier_drives_knew() -> None:
+    drawn = SemanticObject("chair", square(2.0, side=0.6), id=7)
+    evidence = mapped([[(0.0, 0.0)]] * 6, [[]] * 40 + [[(4.0, 3.0)]])
+    evidence.go_on_with(evidence.tracks(), {7: HandEdit(drawn=drawn)})
+    for second in range(50, 60):
+        evidence.update(seen(square(2.0, side=0.6), stamp=DAY + second))
+    assert only(evidence).id == 7
+
+
+def test_edits_from_before_a_drive_do_not_end_it_in_the_middle() -> None:
+    """A save in the middle keeps apart what the drive has seen, as without edits."""
+    evidence = mapped([[(0.0, 0.0), (3.0, 0.0)]] * 6)
+    evidence.go_on_with(evidence.tracks(), {0: HandEdit(name="Anna's chair")})
+    for second in range(6):
+        evidence.update(seen(square(3.0, side=0.6), stamp=DAY + second))
+    before = packed_tables(evidence.tracks())
+    evidence.go_on_with(evidence.tracks(), evidence.hand_edits())
+    after = packed_tables(evidence.tracks())
+    np.testing.assert_array_equal(before.arrays["track.id"], after.arrays["track.id"])
+    np.testing.assert_array_equal(before.arrays["track.kept"], after.arrays["track.kept"])
+
+
+@settings(max_examples=40, deadline=None)
+@example([0, 2, 1], [[(0.0, 0.0)]], [[(0.0, 0.0)]] * 6, [[(0.0, 0.0)]], 4)
+@given(st.permutations([0, 1, 2]), drives, drives, drives, st.integers(0, 35))
+def test_a_save_and_a_look_in_the_middle_of_any_drive_change_nothing(
+    order: list[int],
+    first: list[list[tuple[float, float]]],
+    second: list[list[tuple[float, float]]],
+    third: list[list[tuple[float, float]]],
+    cut: int,
+) -> None:
+    """Of an older drive, too, that is mapped after later ones."""
+    one, other = EvidenceMap(DEFAULT), EvidenceMap(DEFAULT)
+    days = [first, second, third]
+    views = [(day * DAY + n, shown) for day in order for n, shown in enumerate(days[day])]
+    for number, (stamp, shown) in enumerate(views):
+        view = seen(*(square(x, y, side=0.6) for x, y in shown), stamp=stamp)
+        one.update(view)
+        other.update(view)
+        other.settled()
+        if number == cut:
+            (tracks,) = unpacked_tables(packed_tables(other.tracks()), DEFAULT)
+            other = EvidenceMap(DEFAULT)
+            other.go_on_with(tracks)
+    for found, expected in ((other.tracks(), one.tracks()), (other.settled(), one.settled())):
+        packed, wanted = packed_tables(found), packed_tables(expected)
+        assert packed.facts == wanted.facts
+        for name, values in wanted.arrays.items():
+            np.testing.assert_array_equal(packed.arrays[name], values)

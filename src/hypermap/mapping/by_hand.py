@@ -104,6 +104,12 @@ def hand_edits(
     return edits
 
 
+def are_new(edits: Mapping[int, HandEdit], before: Mapping[int, HandEdit]) -> bool:
+    """Return whether edits, by the objects' ids, differ from earlier ones."""
+    one, other = ({n: as_record(edit) for n, edit in some.items()} for some in (edits, before))
+    return one != other
+
+
 def marked(layer: SemanticLayer, edits: Mapping[int, HandEdit]) -> SemanticLayer:
     """Return a layer whose edited objects have the attribute `by_hand`."""
     other = layer.copy()

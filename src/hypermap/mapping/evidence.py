@@ -19,7 +19,7 @@ from hypermap.core.pictures import ObjectPicture
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.history.likeness import MIN_MOVED
 from hypermap.mapping.association import ASSOCIATIONS
-from hypermap.mapping.by_hand import HandEdit
+from hypermap.mapping.by_hand import HandEdit, are_new
 from hypermap.mapping.class_sizes import is_usual
 from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.earlier_drives import EarlierDrives
@@ -192,12 +192,11 @@ class EvidenceMap:
             tracks: of that map; this one owns them from now on.
             by_hand: edits made by hand, by the objects' ids.
         """
-        if by_hand:  # people have edited what they saw
+        if are_new(by_hand or {}, tracks.hand_edits()):  # people have edited what they saw
             tracks = self._earlier.settled(tracks)
         self._tracks, self._settled = protected(tracks, by_hand or {}, self.config), None
         self._earlier.begin_drive()
-        stamps = [track.buffer.last_seen for track in self._tracks.objects if len(track.buffer)]
-        self._newest = max(stamps, default=-math.inf)
+        self._newest = self._tracks.last_stamp()
         self._edited = any(track.by_hand is not None for track in self._tracks.objects)
         for row, track in enumerate(self._tracks.objects):
             class_ = self._classes.setdefault(track.name, len(self._classes))

@@ -86,10 +86,14 @@ class Pair:
 
 
 def parted(tracks: TrackTable) -> tuple[Rows, Rows]:
-    """Return the rows of the tracks of earlier drives, and of those of the present one."""
+    """Return the rows of the tracks of earlier drives, and of those of the present one.
+
+    What people have edited since this drive began is what it is, and in neither of the two.
+    """
     ids = [track.id for track in tracks.objects]
     known = int(np.searchsorted(ids, tracks.first_id))
-    return list(range(known)), list(range(known, len(ids)))
+    fresh = [row for row in range(known, len(ids)) if tracks.objects[row].by_hand is None]
+    return list(range(known)), fresh
 
 
 @dataclass(frozen=True, eq=False)

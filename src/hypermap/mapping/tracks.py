@@ -246,6 +246,15 @@ class TrackTable:
         """Return the edits made by hand, by the ids of the tracks."""
         return {track.id: track.by_hand for track in self.objects if track.by_hand is not None}
 
+    def last_stamp(self) -> float:
+        """Return the newest stamp of the present drive [s], or else of earlier ones; -inf if none.
+
+        The present drive may be older than others, which were mapped before it.
+        """
+        seen = [track for track in self.objects if len(track.buffer)]
+        own = [track for track in seen if track.id >= self.first_id]
+        return max((track.buffer.last_seen for track in own or seen), default=-math.inf)
+
     def excluding(self, rows: Rows, ids: Collection[int]) -> Rows:
         """Return the rows whose tracks have none of these ids."""
         return [row for row in rows if self.objects[row].id not in ids]
