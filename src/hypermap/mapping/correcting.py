@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,7 +20,7 @@ from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import FoundEvidence, evidence_from_frames
 from hypermap.mapping.floor_motions import FloorMotions
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore
-from hypermap.mapping.merging.moving import renumbered
+from hypermap.mapping.known_ids import with_known_ids
 from hypermap.mapping.moved_frames import ROUNDING, moved_frames
 from hypermap.mapping.observed_colors import colors_in
 from hypermap.mapping.occupancy import OccupancyMapper
@@ -237,12 +236,12 @@ def map_again(
         if on_progress is not None:
             on_progress(number + 1, len(poses) - begin)
     fixed = frozenset(track.id for track in first.tracks.objects)
-    tracks = with_known_ids(evidence.tracks(), before.tracks(), fixed)
+    tracks = with_known_ids(evidence.tracks(), before.tracks(), fixed, config.evidence)
     known = {id(part.before) for part in log.parts}
     again.parts = [
         part
         if id(part.before) in known
-        else dataclasses.replace(part, before=_with_ids_of(tracks, part.before, fixed))
+        else dataclasses.replace(part, before=_with_ids_of(tracks, part.before, fixed, config))
         for part in again.parts
     ]
     evidence.go_on_with(tracks, before.hand_edits())
@@ -289,63 +288,9 @@ def _map_now(first: MapBefore, evidence: EvidenceMap, occupancy: OccupancyMapper
     return MapBefore.of(evidence.tracks(), first_cell, None if first.log_odds is None else log_odds)
 
 
-def _with_ids_of(known: TrackTable, before: MapBefore, fixed: frozenset[int]) -> MapBefore:
+def _with_ids_of(
+    known: TrackTable, before: MapBefore, fixed: frozenset[int], config: MappingConfig
+) -> MapBefore:
     """Return a map between two parts of the log, with the final ids of its tracks."""
-    tracks = with_known_ids(before.tracks, known, fixed)
+    tracks = with_known_ids(before.tracks, known, fixed, config.evidence)
     return MapBefore.of(tracks, before.first_cell, before.log_odds)
-
-
-def with_known_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> TrackTable:
-    """Return tracks with the ids, pictures and embeddings of the same objects in another table.
-
-    Two tracks are one object if they share observations; those that share most are matched first.
-
-    Args:
-        tracks: the tracks to renumber.
-        known: the tracks with the ids to use.
-        fixed: ids that mean the same object in both.
-    """
-    ids = _matching_ids(tracks, known, fixed)
-    number = max(tracks.next_id, known.next_id)
-    for track in tracks.objects:
-        if track.id not in ids:
-            ids[track.id], number = number, number + 1
-    kept = {track.id: track.buffer for track in known.objects}
-    objects = tracks.objects
-    rows, found = sorted(range(len(objects)), key=lambda row: ids[objects[row].id]), []
-    for row in rows:
-        track = renumbered(objects[row], ids[objects[row].id])
-        counts = {ids[n]: count for n, count in track.co_occurrences.items() if n in ids}
-        track.co_occurrences = Counter(counts)
-        if (before := kept.get(track.id)) is not None:
-            track.buffer.pictures, track.buffer.embedding = before.pictures, before.embedding
-        found.append(track)
-    table = tracks.of_tracks(found, rows)
-    table.next_id = max(table.next_id, number)
-    fresh = [ids[track.id] for track in tracks.objects if track.id >= tracks.first_id]
-    table.first_id = min(fresh, default=table.next_id) if tracks.first_id else 0
-    return table
-
-
-def _matching_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> dict[int, int]:
-    """Return the known ids by the tracks' own ids, for the tracks that have one."""
-    owners: dict[tuple[str, float, float], set[int]] = {}
-    for track in known.objects:
-        for item in track.buffer.items:
-            owners.setdefault((track.name, item.stamp, item.score), set()).add(track.id)
-    shared: Counter[tuple[int, int]] = Counter()
-    for track in tracks.objects:
-        for item in track.buffer.items:
-            for owner in owners.get((track.name, item.stamp, item.score), ()):
-                shared[track.id, owner] += 1
-    ids: dict[int, int] = {}
-    taken: set[int] = set()
-    # Ties go to tracks whose ids mean the same object.
-    for (own, owner), _ in sorted(
-        shared.items(), key=lambda pair: (-pair[1], pair[0][0] != pair[0][1], pair[0])
-    ):
-        if own not in ids and owner not in taken:
-            ids[own] = owner
-            taken.add(owner)
-    left = {track.id for track in tracks.objects} - ids.keys() - taken
-    return ids | {own: own for own in left & fixed}
