@@ -184,6 +184,14 @@ class Mapper:
             mapper._frame_log.end_drive()
         return mapper
 
+    def go_on_in(self, hypermap: Hypermap) -> None:
+        """Keep the other layers, transforms, metadata and history of another map from now on.
+
+        Args:
+            hypermap: this mapper's own map, as others have changed it.
+        """
+        self._base = hypermap
+
     def embed_with(self, embedder: Embedder | None) -> None:
         """Embed the objects in later frames; None to stop.
 

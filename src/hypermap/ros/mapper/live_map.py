@@ -17,6 +17,7 @@ from hypermap.core.trajectory import Trajectory
 from hypermap.formats import open_map
 from hypermap.mapping.config import MappingConfig, chosen_config
 from hypermap.mapping.correcting import Correction
+from hypermap.mapping.edited_copy import take_edits
 from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, replaced
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.same_place import PlaceCheck
@@ -25,6 +26,7 @@ from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import load_detector, sources
 from hypermap.perception.frame import Camera, DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
+from hypermap.ros.mapper.saved_files import SavedFiles
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.mapper.statistics import Fate
 
@@ -43,8 +45,8 @@ class LiveMap:
         config: how mapping is done.
         revision: grows with every change by frames.
         values: the layers of what other sensors measure.
-        files: those in which the node has saved it.
-        saves: how often it has.
+        files: those of the node, and whether others have changed them.
+        saves: how often the node has saved it, since it last took over what others have edited.
     """
 
     def __init__(self, settings: LiveSettings) -> None:
@@ -54,10 +56,10 @@ class LiveMap:
             HypermapError: If the configuration, the detector, the detections or the map to go on
                 with cannot be read, or mapping cannot go on with it.
         """
+        self.files = SavedFiles([settings.onto, settings.save_to])
         onto = _map_to_go_on_with(settings)
         self.config = _config(settings, onto)
         self.revision = 0
-        self.files: set[Path] = set()
         self.saves = 0
         self._frame_id = settings.map_frame.strip("/")
         self._makes_occupancy = settings.occupancy and not settings.map_topic
@@ -68,6 +70,8 @@ class LiveMap:
         self._grow: set[str] = set()  # names of those that samples come for now
         self._onto = onto
         self._mapper = self._new_mapper() if onto is None else self._going_on(settings, onto)
+        if onto is not None:
+            self.files.know(onto)
 
     def warm_up(self) -> None:
         """Map something made up and forget it: the first frame then takes no longer than others.
@@ -213,6 +217,19 @@ class LiveMap:
                     layer.move(motions.moved)
             return correction
 
+    def take_edits(self, edited: Hypermap) -> None:
+        """Go on with what people have changed in a copy of the map, as `edited_copy` does.
+
+        Frames wait meanwhile.
+
+        Raises:
+            CannotGoOn: If mapping cannot go on with the copy.
+        """
+        with self._lock:
+            take_edits(self._mapper, edited)
+            self.saves = 0
+            self.revision += 1
+
     @property
     def corrects_poses(self) -> bool:
         """Whether frames are put where they fit the occupancy map, whatever tf says of them."""
@@ -223,6 +240,7 @@ class LiveMap:
         with self._lock:
             self._mapper = self._new_mapper()
             self._onto = None
+            self.files.forget()
             for layer in self.values:
                 layer.clear()
             self.revision += 1

@@ -7,12 +7,15 @@ from pathlib import Path
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.history import MAP_VERSION
-from hypermap.formats import save_map
+from hypermap.formats import open_map, save_map
 from hypermap.formats.backup import or_elsewhere, save_with_backup
+from hypermap.formats.locks import turn_to_edit
+from hypermap.mapping.going_on import layer_of_objects
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.port import Level, Port
 from hypermap.ros.server.map_directory import archive_within
+from hypermap.ros.server.save_at_end import free_name
 from hypermap.ros.throttle import Throttle
 from hypermap.text import counted
 
@@ -21,7 +24,8 @@ class Saving:
     """Saves a live map, so that a node that is killed has lost little.
 
     What lay in a file before the node saved there for the first time stays next to it, as NAME.bak,
-    also if the node is deactivated and activated in between.
+    also if the node is deactivated and activated in between. Mapping goes on with what people edit
+    in the file meanwhile. Where another program puts another map in its place, that one stays.
     """
 
     def __init__(
@@ -62,7 +66,8 @@ class Saving:
             return
         default = Path.cwd() if self._path is None else self._path.parent
         path = archive_within(Path(self._directory or default).absolute(), filename)
-        if not self._directory and path.exists() and path not in {self._path, *self._map.files}:
+        is_own = path == self._path or path in self._map.files
+        if not self._directory and path.exists() and not is_own:
             raise HypermapError(
                 f"{path} exists already: choose another name, or set map_directory, the folder "
                 "in which maps may be replaced"
@@ -99,7 +104,9 @@ class Saving:
                 self._log.log("error", "saving", f"the map is not saved: {error}; trying again")
 
     def _save(self, path: Path, level: Level = "info") -> None:
-        with self._lock:  # an older map must not replace a newer one
+        with self._lock, turn_to_edit(path):  # an older map must not replace a newer one
+            if self._map.files.is_changed(path):
+                path = self._after_others(path)
             state = self._map.state
             hypermap = self._map.hypermap()
             hypermap.metadata[MAP_VERSION] += self._map.saves
@@ -108,8 +115,29 @@ class Saving:
                 save_map(hypermap, path)
             elif backup := save_with_backup(hypermap, path, spare_edited=True):
                 self._port.log("warning", f"{path} was there before; it stays as {backup}")
-            self._map.files.add(path)
+            self._map.files.add(path, hypermap)
             if path == self._path:
                 self._saved_state = state
-        objects = len(hypermap.semantic())
-        self._port.log(level, f"saved {counted(objects, 'object')} to {path}")
+        layer = layer_of_objects(hypermap)
+        objects = counted(0 if layer is None else len(layer), "object")
+        self._port.log(level, f"saved {objects} to {path}")
+
+    def _after_others(self, path: Path) -> Path:
+        """Take over what others have edited in a file, or else return another to save in."""
+        try:
+            edited = open_map(path)
+            if self._map.files.is_copy(edited):
+                self._map.take_edits(edited)
+                self._port.log("info", f"{path} was edited; mapping goes on with the edits")
+                return path
+        except HypermapError as error:
+            self._log.log("debug", "edited", f"{path} was replaced: {error}")
+        beside = free_name(path)
+        self._port.log(
+            "error",
+            f"another program has replaced {path}, which stays as it is; this map is saved in "
+            f"{beside} from now on",
+        )
+        if path == self._path:
+            self._path = beside
+        return beside

@@ -86,6 +86,11 @@ def place_at_end(path: Path, own: Collection[Path]) -> Path:
     """
     if not _is_there(path) or path.resolve() in {file.resolve() for file in own}:
         return path
+    return free_name(path)
+
+
+def free_name(path: Path) -> Path:
+    """Return a name next to a path that no file has: NAME-1.hmap, or one with a higher number."""
     candidates = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(1))
     return next(free for free in candidates if not _is_there(free))
 
