@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,5 +40,53 @@ def test_a_writable_installation_keeps_its_own_cache(
     temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("os.access", lambda path, mode: True)
+    _compiled.find_a_cache()
+    assert "NUMBA_CACHE_DIR" not in os.environ
+
+
+PROGRAM = """
+import logging, sys
+logging.basicConfig(format="%(message)s", stream=sys.stdout)
+from hypermap._loops import cache_folder, loop
+
+@loop()
+def double(number):
+    return number * 2
+
+@loop()
+def triple(number):
+    return number * 3
+
+assert (double(2), triple(2)) == (4, 6)
+assert cache_folder() is None
+"""
+
+
+def test_where_nothing_can_be_written_loops_are_compiled_and_one_warning_says_so(
+    tmp_path: Path,
+) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM)
+    (tmp_path / "__pycache__").touch()  # no folder, so that root cannot write there, either
+    nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"), os.devnull)
+    ended = subprocess.run(
+        [sys.executable, program],
+        env=os.environ | nowhere,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    (line,) = ended.stdout.splitlines()
+    assert line.startswith("no folder for compiled code can be written to")
+
+
+def test_where_there_is_no_temporary_folder_numba_looks_for_its_own(
+    temporary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nowhere() -> str:
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr("tempfile.gettempdir", nowhere)
     _compiled.find_a_cache()
     assert "NUMBA_CACHE_DIR" not in os.environ

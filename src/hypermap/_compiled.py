@@ -12,7 +12,7 @@ _GIVEN = "NUMBA_CACHE_DIR" in os.environ
 def find_a_cache() -> None:
     """Name a private temporary folder to numba if neither the package nor the home is writable.
 
-    Without any folder numba refuses to load the functions that it could not keep.
+    Without any folder, each process compiles the loops that it needs.
     """
     if "NUMBA_CACHE_DIR" in os.environ or os.access(Path(__file__).parent, os.W_OK):
         return
@@ -24,8 +24,8 @@ def find_a_cache() -> None:
     import tempfile  # not needed on most machines
 
     user = os.getuid()
-    folder = Path(tempfile.gettempdir()) / f"hypermap-{user}"
     try:
+        folder = Path(tempfile.gettempdir()) / f"hypermap-{user}"
         folder.mkdir(mode=0o700, exist_ok=True)
         status = folder.lstat()
     except OSError:

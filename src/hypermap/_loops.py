@@ -7,6 +7,7 @@ refers to an array makes up a fifth of a loop.
 
 from __future__ import annotations
 
+import functools
 import gc
 import logging
 import os
@@ -23,7 +24,7 @@ from numba.core import event
 from hypermap._compiled import has_own_place
 
 # A division by zero gives infinity, as numpy's does, and so takes no code to raise an error.
-_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 _EVERY = 5.0  # seconds between two lines about what is compiled
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -47,12 +48,13 @@ def loop(*, allocates: bool = False, **options: Any) -> Callable[[Function], Fun
 
     def decorated(function: Function) -> Function:
         dispatcher = decorate(function)
-        _ignore_unreadable_index(dispatcher)
-        _go_on_if_full(dispatcher)
-        folder = Path(dispatcher.stats.cache_path)
-        _folders.add(folder)
-        if not has_own_place():
-            _borrow(function, folder)
+        if _is_kept(dispatcher):
+            _ignore_unreadable_index(dispatcher)
+            _go_on_if_full(dispatcher)
+            folder = Path(dispatcher.stats.cache_path)
+            _folders.add(folder)
+            if not has_own_place():
+                _borrow(function, folder)
         return cast(Function, dispatcher)
 
     return decorated
@@ -63,14 +65,33 @@ def inner_loop(*, allocates: bool = False, **options: Any) -> Callable[[Function
     return loop(allocates=allocates, no_cpython_wrapper=True, **options)
 
 
-def cache_folder() -> Path:
-    """Return the common folder of the compiled loops that are loaded so far."""
-    return Path(os.path.commonpath(_folders))
+def cache_folder() -> Path | None:
+    """Return the common folder of the compiled loops that are loaded so far; None without any."""
+    return Path(os.path.commonpath(_folders)) if _folders else None
 
 
 def compiled_count() -> int:
     """Return how many loops this process has compiled, and not found in the cache."""
     return _listener.count
+
+
+def _is_kept(dispatcher: Any) -> bool:
+    """Let numba keep a compiled loop; return whether there is a folder for it."""
+    try:
+        dispatcher.enable_caching()
+    except RuntimeError as error:  # no folder can be written to
+        _log.debug("%s", error)
+        _tell_that_none_is_kept()
+        return False
+    return True
+
+
+@functools.cache
+def _tell_that_none_is_kept() -> None:
+    _log.warning(
+        "no folder for compiled code can be written to, so that each start compiles it again, for "
+        "up to 10 s; set NUMBA_CACHE_DIR to a folder of your own"
+    )
 
 
 def _ignore_unreadable_index(dispatcher: Any) -> None:

@@ -37,6 +37,8 @@ def command() -> None:
     done = f"compiled {counted(count, 'function')} in {seconds:.0f} s"
     say(done if count else "everything is compiled already")
     folder, package = _loops.cache_folder(), Path(_loops.__file__).parent
+    if folder is None:
+        return  # a warning has said why nothing is kept
     if folder.is_relative_to(package):
         say(f"kept in {folder}, next to the code, for all users")
     else:
