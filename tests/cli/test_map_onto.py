@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 
 import pytest
 import shapely
@@ -164,3 +165,23 @@ def test_poses_that_are_not_of_the_map_change_nothing(
     result = hypermap("map", *(files.get(one, one) for one in options), "-o", out)
     assert_one_error(result, reason)
     assert out.read_bytes() == before
+
+
+def test_a_drive_in_another_frame_is_refused_with_the_commands_that_join_the_two(
+    hypermap, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    rate = ("--rate", "0.3", "--seed", "3")
+    assert hypermap("simulate", "demo", *rate, "-o", "mon").code == 0
+    assert hypermap("simulate", "demo", *rate, "--day", "2", "-o", "tues day").code == 0
+    assert hypermap("map", "mon", "-o", "mon.hmap").code == 0
+    before = (tmp_path / "mon.hmap").read_bytes()
+    moved = ("map", "tues day", "--world-transform", "50,0,0,0,0,0")
+    refused = hypermap(*moved, "--onto", "mon.hmap", "-o", "mon.hmap")
+    assert refused.code == 2
+    assert "mon.hmap: tues day does not fit the map: the two have no floor in common" in refused.err
+    assert (tmp_path / "mon.hmap").read_bytes() == before
+    assert "-o 'tues day-alone.hmap'" in refused.err
+    (merge,) = re.findall("hypermap (merge .*);", refused.err)
+    assert hypermap(*moved, "-o", "tues day-alone.hmap").code == 0
+    assert hypermap(*shlex.split(merge)).code == 0

@@ -94,11 +94,12 @@ def test_a_drive_in_another_frame_is_refused(world, has_objects):
         mapped(NextDay(world), first_day(), has_objects)
 
 
-def test_a_live_map_warns_once_of_another_frame(tmp_path: Path) -> None:
+@pytest.mark.parametrize("world", [Pose2D(6.0, 4.0, np.pi), Pose2D(50.0, 0.0, 0.0)])
+def test_a_live_map_warns_once_of_another_frame(tmp_path: Path, world: Pose2D) -> None:
     save_map(first_day(), tmp_path / "office.hmap")
     settings = LiveSettings(depth_topic="/d", detections_topic="/b", onto=f"{tmp_path}/office.hmap")
     live = LiveMap(settings)
-    frames = list(NextDay(Pose2D(6.0, 4.0, np.pi)).frames())
+    frames = list(NextDay(world).frames())
     frames += [dataclasses.replace(frame, stamp=frame.stamp + DAY) for frame in frames]
     said = [live.add(frame)[1] for frame in frames]
     (warning,) = filter(None, said)
@@ -112,8 +113,29 @@ def test_it_is_mapped_anyway_if_the_user_vouches_for_it():
 
 def test_a_drive_that_shares_too_little_is_mapped_with_a_word(caplog):
     caplog.set_level(logging.WARNING)
-    mapped(NextDay(Pose2D(50.0, 0.0, 0.0), count=3), first_day(), has_objects=False)
+    mapped(NextDay(Pose2D(7.0, 0.0, 0.0)), first_day(), has_objects=False)
     assert "could not check whether" in caplog.text
+
+
+@pytest.mark.parametrize("count", [3, None])
+def test_a_drive_that_has_no_floor_in_common_with_the_map_is_refused(count):
+    why = "does not fit the map: the two have no floor in common; is it another place, or are its"
+    with pytest.raises(OtherPlace, match=why):
+        mapped(NextDay(Pose2D(50.0, 0.0, 0.0), count), first_day())
+
+
+def test_a_drive_may_come_to_the_known_floor_at_its_end():
+    check = PlaceCheck(first_day(), profile("default").occupancy)
+    mapper = Mapper(profile("default"), None)
+    mapper.place = check
+    for frame in NextDay(Pose2D(50.0, 0.0, 0.0)).frames():
+        mapper.add(frame)
+    check.compare()
+    assert check.likeness.is_apart
+    check.check("tuesday")
+    for frame in NextDay(Pose2D(0.0, 0.0, 0.0)).frames():
+        mapper.add(dataclasses.replace(frame, stamp=frame.stamp + DAY))
+    check.check("tuesday", is_last=True)
 
 
 def test_a_map_without_walls_cannot_be_compared(caplog):
@@ -124,7 +146,7 @@ def test_a_map_without_walls_cannot_be_compared(caplog):
     mapper.add(drive()[0])
     check.check("tuesday", is_last=True)
     assert "could not check whether tuesday shows the place of the map" in caplog.text
-    assert "if its poses are in another frame, map it without --onto and try" in caplog.text
+    assert "if its poses are in another frame, leave out --onto" in caplog.text
 
 
 def test_outlines_that_cross_themselves_can_be_compared():

@@ -236,6 +236,7 @@ def command(
         occupancy=occupancy,
         base=base,
         onto=onto,
+        output=output,
         is_same_place=same_place,
         max_bad=0.0 if strict else max_bad,
         embedder=_embedder(embedder),
@@ -245,7 +246,7 @@ def command(
     )
     frames = len(recording)  # which reads a bag through once
     with watching(view, recording.path.name, output, frames, port, browser) as watched:
-        exit_code = _run(job, frames, values, options, output, evidence, log, watched)
+        exit_code = _run(job, frames, values, options, evidence, log, watched)
     if exit_code:
         raise typer.Exit(exit_code)
 
@@ -266,7 +267,6 @@ def _run(
     frames: int,
     values: dict[str, Measured],
     options: RecordingOptions,
-    output: Path,
     evidence: bool,
     log: str | None,
     watched: Watched,
@@ -274,7 +274,7 @@ def _run(
     """Map the recording, save and summarize the map; return the exit code."""
     from hypermap.mapping.preflight import Preflight
 
-    name, notes = job.corrected.recording.path.name, PreflightNotes()
+    output, name, notes = job.output, job.corrected.recording.path.name, PreflightNotes()
     preflight = Preflight(
         notes.add,
         job.settings.perception.max_depth,

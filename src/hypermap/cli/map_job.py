@@ -14,7 +14,7 @@ import typer
 
 from hypermap.cli.corrected_poses import CorrectedJob
 from hypermap.cli.map_result import note_frames
-from hypermap.cli.onto import named
+from hypermap.cli.onto import named, way_to_join
 from hypermap.cli.signals import Stop
 from hypermap.cli.terminal import note
 from hypermap.cli.worker_options import MOST_WORKERS, opened_workers
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """What to map, onto what, and how.
+    """What to map, onto what, where to save it, and how.
 
     `base` is the map of the file `onto`; `is_same_place` whether the user vouches for its frame.
     """
@@ -53,6 +53,7 @@ class Job:
     occupancy: OccupancyLayer | None
     base: Hypermap | None
     onto: Path | None
+    output: Path
     is_same_place: bool
     max_bad: float
     embedder: Embedder | None
@@ -98,6 +99,9 @@ def make_map(
 
         def prepare(mapper: Mapper) -> None:
             mapper.pose_changes = changes
+            if mapper.place is not None and job.onto is not None:
+                recording = job.corrected.recording.path
+                mapper.place.remedy = way_to_join(recording, job.onto, job.output)
 
         stoppable, pace = StoppableRecording(ahead or job.corrected.recording, stop), _Paced(report)
         with _named_errors(job.onto, stoppable, stop):

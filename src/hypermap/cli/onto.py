@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +29,16 @@ SamePlace = Annotated[
 def is_same_file(one: Path, other: Path | None) -> bool:
     """Return whether two paths lead to the same existing file."""
     return other is not None and one.exists() and other.exists() and one.samefile(other)
+
+
+def way_to_join(recording: Path, onto: Path, output: Path) -> str:
+    """Return how to map a recording whose poses are in another frame than those of the map."""
+    alone = f"{recording.stem}-alone.hmap"
+    merge = ["hypermap", "merge", str(onto), alone, "-o", str(output)]
+    return (
+        f"leave out --onto, map it with -o {shlex.quote(alone)}, and join the two: "
+        f"{shlex.join(merge)}"
+    )
 
 
 def map_to_go_on_with(path: Path | None, map_file: Path | None) -> Hypermap | None:

@@ -2,7 +2,8 @@
 
 A drive through another place, or one whose poses are in another frame, would spoil the map. What
 the drive shows by itself is therefore compared with the map before it: walls with walls, as far as
-both know the area, and each sighting of an object with the objects of that name.
+both know the area, and each sighting of an object with the objects of that name. If a drive has no
+floor in common with the map, its poses are most probably in another frame.
 """
 
 from __future__ import annotations
@@ -39,7 +40,10 @@ _FEW_SIGHTINGS = 5  # tell something if none of them is near
 # some sightings near from the fifth on.
 _WALLS_FIT, _WALLS_DIFFER, _WALLS_FEW_DIFFER, _WALLS_ALONE_DIFFER = 0.65, 0.55, 0.5, 0.4
 _OBJECTS_FIT, _OBJECTS_DIFFER = 0.6, 0.5
-_REMEDY = "map it without --onto and try `hypermap align` and `hypermap merge`"
+_REMEDY = (
+    "leave out --onto, map it to a file of its own and join the two: "
+    "hypermap merge MAP DRIVE -o OUT"
+)
 
 _log = logging.getLogger(__name__)
 
@@ -60,6 +64,7 @@ class Likeness:
         sightings: how many sightings of objects could agree: in the area that the map knows, of a
             name that it has.
         near: how many of these are near an object of that name.
+        is_apart: whether both have no floor in common, so that nothing can agree.
     """
 
     wall: float
@@ -67,6 +72,7 @@ class Likeness:
     telling: float
     sightings: int
     near: int
+    is_apart: bool = False
 
     @property
     def walls_tell(self) -> bool:
@@ -92,6 +98,11 @@ class Likeness:
         return self.walls_tell and not self.fits and self.agree < self._walls_needed
 
     @property
+    def doubt(self) -> str:
+        """Why it is hardly the same place: the two are "apart", or what they show "differs"."""
+        return "apart" if self.is_apart else "differs" if self.differs else ""
+
+    @property
     def _walls_needed(self) -> float:
         """The share of walls below which it is another place, as far as sightings tell."""
         if self.objects_tell:
@@ -102,6 +113,8 @@ class Likeness:
 
     def sentence(self) -> str:
         """Return it in words."""
+        if self.is_apart:
+            return "the two have no floor in common"
         share = max(self.agree, 0)
         walls = f"{share:.0%} of {self.wall:.0f} m of walls agree beyond chance"
         if not self.sightings:
@@ -117,6 +130,7 @@ class PlaceCheck:
 
     Attributes:
         likeness: at the last comparison; None before the first.
+        remedy: what messages advise where the poses are in another frame.
     """
 
     def __init__(self, before: Hypermap, config: OccupancyConfig, layer: str = "occupancy") -> None:
@@ -128,16 +142,18 @@ class PlaceCheck:
             layer: name of the occupancy layer that is continued; there may be others.
         """
         self.likeness: Likeness | None = None
+        self.remedy = _REMEDY
         self._before, self._layer = before, layer
         self._own = OccupancyMapper(config)
         self._frames, self._next = 0, _FIRST_LOOK
         self._sightings = self._near = 0
-        self._differed = 0  # comparisons, one after the other
+        self._doubted = 0  # comparisons with the same doubt, one after the other
 
     def check(self, drive: str, is_last: bool = False) -> None:
         """Make sure that it is one place, as far as that can be said by now.
 
-        Two comparisons must differ, or the last one.
+        Two comparisons must differ, or the last one. A drive that has no floor in common with the
+        map may still reach it, until its end.
 
         Args:
             drive: its name, for messages.
@@ -148,11 +164,12 @@ class PlaceCheck:
             OtherPlace: If it is another one.
         """
         likeness = self.compare() if is_last and not self._is_one_place else self.likeness
-        if finding := self.finding(drive, is_last):
-            raise OtherPlace(f"{finding} Then {_REMEDY}; --same-place maps it onto this map anyway")
+        finding = self.finding(drive, is_last)
+        if finding and (is_last or self._doubt == "differs"):
+            raise OtherPlace(f"{finding} Then {self.remedy}; --same-place maps it anyway")
         if is_last and self._frames and not (likeness is not None and likeness.fits):
             unsure = self._unsure(drive)
-            _log.warning("%s; if its poses are in another frame, %s", unsure, _REMEDY)
+            _log.warning("%s; if its poses are in another frame, %s", unsure, self.remedy)
 
     def finding(self, drive: str, is_last: bool = False) -> str:
         """Return what tells that a drive shows another place, in words; empty if nothing does.
@@ -161,9 +178,9 @@ class PlaceCheck:
             drive: its name.
             is_last: whether one comparison suffices, because no other follows.
         """
-        if self.likeness is None or not self.likeness.differs or self._frames < _FEWEST:
+        if self.likeness is None or not self._doubt or not (self._doubted >= 2 or is_last):
             return ""
-        if self._differed < 2 and not is_last:
+        if self._doubt == "differs" and self._frames < _FEWEST:
             return ""
         return (
             f"{drive} does not fit the map: {self.likeness.sentence()}; is it another place, or "
@@ -177,6 +194,10 @@ class PlaceCheck:
                 f"could not check whether {drive} shows the place of the map: they share too little"
             )
         return f"not sure whether {drive} shows the place of the map: {likeness.sentence()}"
+
+    @property
+    def _doubt(self) -> str:
+        return "" if self.likeness is None else self.likeness.doubt
 
     @property
     def _is_one_place(self) -> bool:
@@ -203,9 +224,9 @@ class PlaceCheck:
                 self._near += bool(known.distance(item.footprint) <= _NEAR)
         if self._frames >= self._next:
             self._next *= 2
-            likeness = self.compare()
-            differs = likeness is not None and likeness.differs
-            self._differed = self._differed + 1 if differs else 0
+            before, likeness = self._doubt, self.compare()
+            is_same = likeness is not None and self._doubt == before
+            self._doubted = self._doubted + 1 if is_same else 1
 
     def compare(self) -> Likeness | None:
         """Return how much of the drive so far is in the map; None if that cannot be said."""
@@ -219,13 +240,13 @@ class PlaceCheck:
         on_drive = Field.of(drive, drive.resolution, margin=0.0)
         within = wall_tolerance(drive, self._scan)
         assert self._field is not None
-        total = np.zeros(3)
+        total = np.zeros(4)
         for scan, field in ((drive, self._field), (self._scan, on_drive)):
             total += scan.resolution / 2 * np.array(_compared(scan, field, within))
-        wall, same, by_chance = total.tolist()
+        wall, same, by_chance, known = total.tolist()
         more, most = same - by_chance, wall - by_chance
         share = more / most if most > 0 else 0.0
-        self.likeness = Likeness(wall, share, most, self._sightings, self._near)
+        self.likeness = Likeness(wall, share, most, self._sightings, self._near, not known)
         return self.likeness
 
     def begin_again(self) -> None:
@@ -233,7 +254,7 @@ class PlaceCheck:
         self.likeness = None
         self._own = OccupancyMapper(self._own.config)
         self._frames, self._next = 0, _FIRST_LOOK
-        self._sightings = self._near = self._differed = 0
+        self._sightings = self._near = self._doubted = 0
 
     @cached_property
     def _scan(self) -> Scan | None:
@@ -262,7 +283,7 @@ class PlaceCheck:
         return bool(self._field.at(np.array([[point.x, point.y]]))[1][0])
 
 
-def _compared(scan: Scan, field: Field, within: float) -> tuple[float, float, float]:
+def _compared(scan: Scan, field: Field, within: float) -> tuple[float, float, float, float]:
     """Return how many walls of a map those of another could be, and how many are.
 
     Args:
@@ -272,12 +293,12 @@ def _compared(scan: Scan, field: Field, within: float) -> tuple[float, float, fl
 
     Returns:
         Cells of walls where both maps know the area; of these, those that are the same in both;
-        and how many would be by chance, as any other known cells are.
+        how many would be by chance, as any other known cells are; and all cells that both know.
     """
     near, known = _near(scan.occupied_xy, field, within)
     near_free, known_free = _near(scan.free_xy, field, within)
     share = (near + near_free) / max(1, known + known_free)
-    return known, near, share * known
+    return known, near, share * known, known + known_free
 
 
 def _near(points_xy: FloatArray, field: Field, within: float) -> tuple[int, int]:

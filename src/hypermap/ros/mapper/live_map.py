@@ -328,7 +328,10 @@ def _doubt(mapper: Mapper) -> str:
     if not finding:
         return ""
     mapper.place = None
-    return f"{finding} Mapping spoils the map: stop, and take the one that was kept (.bak)"
+    return (
+        f"{finding} Then mapping spoils the map: stop, take the one that was kept (.bak), map to a "
+        "file of its own, and join the two by `hypermap merge`"
+    )
 
 
 def _map_to_go_on_with(settings: LiveSettings) -> Hypermap | None:
