@@ -107,13 +107,11 @@ def test_a_transform_that_is_recorded_too_seldom_is_named(
     assert bool(info.missing) == (not known)
 
 
-def test_a_bag_in_which_time_began_again_is_read_in_the_order_of_the_file(
-    tmp_path: Path, kind: str
-) -> None:
-    """By its times of recording, the two runs would alternate, and so would their poses."""
-    with BagBuilder(tmp_path, kind) as bag:
+def write_two_runs(folder: Path, kind: str, filler: int) -> Path:
+    """Write a bag in which time began again: the camera is at x = 0, then at 5."""
+    with BagBuilder(folder, kind) as bag:
         for x in (0, 5):
-            bag.add("/log", "std_msgs/msg/String", START, {"data": "x" * 2**20})  # ends a chunk
+            bag.add("/log", "std_msgs/msg/String", START, {"data": "x" * filler})
             for tenth in range(40):
                 stamp = START + tenth * 10**8 + x  # no stamp is there twice
                 bag.add_tf("/tf", stamp, "map", "camera", (x, 0, 1))
@@ -122,9 +120,41 @@ def test_a_bag_in_which_time_began_again_is_read_in_the_order_of_the_file(
         for second in (1, 2, 6, 8):
             stamp = START + second * 10**9
             bag.add(DEPTH, IMAGE, stamp, image(SHOTS[0].depth_mm, "16UC1", stamp))
-    recording = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS))
+    return bag.path
+
+
+def assert_the_second_run_is_used(path: Path) -> None:
+    """By their times of recording, the two would alternate, and so would their poses."""
+    recording = open_recording(path, RecordingOptions(intrinsics=INTRINSICS))
     assert [frame.map_T_camera[0, 3] for frame in recording.frames()] == [5, 5]
     assert "the stamps of tf go back" in " ".join(recording.info().notes)
+
+
+@pytest.mark.parametrize("filler", [2**20, 1])  # which ends a chunk, or leaves all in one
+def test_a_bag_in_which_time_began_again_is_read_in_the_order_of_the_file(
+    tmp_path: Path, kind: str, filler: int
+) -> None:
+    assert_the_second_run_is_used(write_two_runs(tmp_path, kind, filler))
+
+
+def test_an_mcap_file_without_chunks_is_read_in_its_order_too(tmp_path: Path) -> None:
+    reading = pytest.importorskip("mcap.reader")
+    writing = pytest.importorskip("mcap.writer")
+    (chunked,) = write_two_runs(tmp_path, "mcap", 1).glob("*.mcap")
+    path = tmp_path / "fastwrite.mcap"
+    with chunked.open("rb") as source, path.open("wb") as target:
+        writer = writing.Writer(target, use_chunking=False)
+        writer.start("ros2", "test")
+        channels: dict[int, int] = {}
+        reader = reading.make_reader(source)
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in channels:
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", known)
+            number, time = channels[channel.id], message.log_time
+            writer.add_message(number, time, message.data, message.publish_time)
+        writer.finish()
+    assert_the_second_run_is_used(path)
 
 
 def test_a_frame_that_jumps_to_and_fro_is_named(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from hypermap.recordings.bag.bombs import (
     check_files,
 )
 from hypermap.recordings.bag.definitions import DETECTION_TYPES, known_types
-from hypermap.recordings.bag.order import read_as_written
+from hypermap.recordings.bag.order import read_as_written, read_without_index
 from hypermap.recordings.bag.parts import is_ros1_bag, parts_of
 
 _MOST_METADATA = 1_000_000  # bytes, which take half a second
@@ -114,6 +114,7 @@ class BagFile:
                 wanted = [c for c in reader.connections if c.topic in names]
                 if not wanted:
                     continue
+                read_without_index(reader)
                 if as_written:
                     read_as_written(reader, wanted)
                 for connection, log_time, data in reader.messages(wanted):

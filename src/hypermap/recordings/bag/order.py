@@ -11,12 +11,24 @@ import numpy as np
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Connection
 from rosbags.rosbag1.reader import IndexData
-from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from hypermap.core.arrays import IntArray
 
 _BACK = 1_000_000_000  # [ns] by which times go back where a clock was set, or time began again
+_INDEX_HEAD = 15  # bytes before the times in a MCAP message index: opcode, lengths, channel
+
+
+def read_without_index(reader: rosbag1.Reader | rosbag2.Reader) -> None:
+    """Let a reader yield the messages of MCAP files without chunks as written.
+
+    Those of `ros2 bag record --storage-preset-profile fastwrite` are such; rosbags refuses them if
+    times go back in them, by however little.
+    """
+    for storage in _storages(reader):
+        if isinstance(storage, McapReader) and not storage.chunks:
+            vars(storage)["messages"] = storage.messages_scan
 
 
 def read_as_written(
@@ -32,12 +44,19 @@ def read_as_written(
         _read_ros1_as_written(reader, wanted)
         return
     names = {connection.topic for connection in wanted}
-    for storage in getattr(reader.storage, "storages", [reader.storage]):
+    for storage in _storages(reader):
         numbers = [c.id for c in storage.connections if c.topic in names]
         if isinstance(storage, Sqlite3Reader) and _goes_back(_times_in(storage, numbers)):
             vars(storage)["messages"] = partial(_rows_of, storage)
-        elif isinstance(storage, McapReader) and _goes_back(_times_of_chunks(storage, numbers)):
+        elif isinstance(storage, McapReader) and _goes_back(_times_in_chunks(storage, numbers)):
             vars(storage)["messages"] = storage.messages_scan
+
+
+def _storages(reader: rosbag1.Reader | rosbag2.Reader) -> list[Any]:
+    """Return the files of a ROS 2 bag."""
+    if isinstance(reader, rosbag1.Reader):
+        return []
+    return list(getattr(reader.storage, "storages", [reader.storage]))
 
 
 def _goes_back(times: IntArray) -> bool:
@@ -89,12 +108,21 @@ def _selected(storage: Sqlite3Reader, columns: str, topics: Collection[int]) -> 
     return storage.dbconn.execute(query, tuple(topics))
 
 
-def _times_of_chunks(storage: McapReader, topics: Collection[int]) -> IntArray:
-    """Return when chunks begin and end that have messages of some topics."""
+def _times_in_chunks(storage: McapReader, topics: Collection[int]) -> IntArray:
+    """Return the times of the messages of some topics, in the order of the file."""
     of_file = sorted(storage.chunks, key=lambda chunk: chunk.chunk_start_offset)
-    times = [
-        (chunk.message_start_time, chunk.message_end_time)
-        for chunk in of_file
-        if any(chunk.channel_count.get(number) for number in topics)
-    ]
-    return np.array(times, np.int64).ravel()
+    times = [_times_of_chunk(storage, chunk, topics) for chunk in of_file]
+    return np.concatenate([np.empty(0, np.int64), *times])
+
+
+def _times_of_chunk(storage: McapReader, chunk: ChunkInfo, topics: Collection[int]) -> IntArray:
+    """Return what the index of a chunk says; a chunk without one has no messages of any topic."""
+    assert storage.bio is not None  # it is open
+    entries = b""
+    for number in topics:
+        size = min(16 * chunk.channel_count.get(number, 0), chunk.message_index_length)
+        if size:
+            storage.bio.seek(chunk.message_index_offsets[number] + _INDEX_HEAD)
+            entries += storage.bio.read(size)
+    times, offsets = np.frombuffer(entries[: len(entries) // 16 * 16], "<i8").reshape(-1, 2).T
+    return times[np.argsort(offsets, kind="stable")]
