@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import json
 from pathlib import Path
@@ -11,8 +12,9 @@ import pytest
 from hypermap.cli.experiment_days import run
 from hypermap.cli.experiment_plan import Plan
 from hypermap.experiments.day_causes import CAUSES
-from hypermap.experiments.days import Series, Tally, map_one
+from hypermap.experiments.days import Series, Tally, count_day, map_day, map_one
 from hypermap.mapping.config import profile
+from hypermap.simulation.days import Day, WorldChange
 from hypermap.simulation.levels import errors_of_level
 from hypermap.simulation.world import built_in_world
 
@@ -32,11 +34,31 @@ def test_without_errors_most_changes_are_found_and_ids_stay() -> None:
         true, right = sum(counts.true.values()), sum(counts.right.values())
         assert 1 <= right <= true
         assert all(counts.right[kind] <= counts.reported[kind] for kind in counts.reported)
-    assert sum(tally.in_sight.true.values()) <= sum(tally.looked.true.values())
     assert tally.switched <= 0.1 * tally.kept
     found, there, matched = tally.last
     assert matched >= 0.8 * there
     assert matched <= found
+
+
+def test_what_was_moved_out_of_sight_is_rightly_told_as_gone() -> None:
+    world, config = built_in_world("demo"), profile("default")
+    series = Series(world, 3, errors_of_level("none"), 0.5, 2)
+    chair = next(one for one in world.objects if one.label == "chair")
+    away = dataclasses.replace(chair, at=(chair.place[0] + 30, chair.place[1]))
+    rest = [away if one is chair else one for one in world.objects]
+    first = Day.first(world)
+    thing = first.things[world.objects.index(chair)]
+    second = dataclasses.replace(
+        first,
+        world=dataclasses.replace(world, objects=tuple(rest)),
+        changes=(WorldChange("moved", thing, chair, away),),
+    )
+    before = map_day(series, first, 0, None, config)
+    tally = Tally("demo", 3)
+    count_day(tally, before, map_day(series, second, 1, before, config))
+    assert tally.looked.true == {"moved": 0, "removed": 0, "added": 0}
+    for counts in (tally.in_sight.true, tally.in_sight.right, tally.in_sight.reported):
+        assert counts == {"moved": 0, "removed": 1, "added": 0}
 
 
 def test_misses_and_errors_are_listed() -> None:

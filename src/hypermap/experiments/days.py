@@ -92,7 +92,8 @@ class Tally:
         world: name of the world.
         seed: of the series.
         looked: changes at places where the robot looked on both days.
-        in_sight: of these, changes whose places it had in sight on both days.
+        in_sight: of these, changes whose places it had in sight on both days; a move of which it
+            had one place in sight is a removal from there, or an addition.
         alike: as `looked`, but things of one class may stand for each other unless their sizes
             differ by more than maps tell.
         swapped: things that were swapped with one of the same class and size.
@@ -133,20 +134,21 @@ def map_one(series: Series, config: MappingConfig) -> Tally:
     for number in range(series.days):
         if number:
             day = next_day(day, seed_of_day(series.seed, number + 1))
-        mapped = _map_day(series, day, number, before, config)
+        mapped = map_day(series, day, number, before, config)
         if before is None:
             tally.first = _static(mapped)
         else:
-            _count_day(tally, before, mapped)
+            count_day(tally, before, mapped)
         before = mapped
     assert before is not None  # there is at least one day
     tally.last = _static(before)
     return tally
 
 
-def _map_day(
+def map_day(
     series: Series, day: Day, number: int, before: MappedDay | None, config: MappingConfig
 ) -> MappedDay:
+    """Map the drive of a day, the first one with `number` 0, onto the map of the day before."""
     seed = seed_of_day(series.seed, number + 1)
     recording = SimulatedRecording.with_errors(
         day.world, series.errors, rate=series.rate, seed=seed
@@ -178,15 +180,23 @@ def _laser_map(recording: SimulatedRecording) -> OccupancyLayer:
     return layer
 
 
-def _count_day(tally: Tally, before: MappedDay, after: MappedDay) -> None:
+def count_day(tally: Tally, before: MappedDay, after: MappedDay) -> None:
+    """Count the changes that the map of a day reports, true ones and others."""
     history = after.hypermap.history
     assert history is not None
     revision = history.revisions()[-1]
     said = list(revision.changes)
     days = before, after
     true, mistaken = as_told(after.day.changes, said, _NEAR)
+    compared = {kind: _Compared.of(kind, true, said, days) for kind in KINDS}
+    for found in compared.values():
+        _count_kind(tally, found, days, f"{revision.drive}")
+    told = {one.thing for one in compared["moved"].right}
+    seen = [one if one.thing in told else _as_seen(one, days) for one in true]
     for kind in KINDS:
-        _count_kind(tally, _Compared.of(kind, true, said, days), days, f"{revision.drive}")
+        found = _Compared.of(kind, seen, said, days)
+        groups = (found.right, found.missed, found.wrong)
+        tally.in_sight.add(kind, *(sum(_was_in_sight(c, days) for c in group) for group in groups))
     _count_ids(tally, before, after, mistaken)
     as_sized, _ = as_told(after.day.changes, said, _NEAR, _TELLABLE)
     for kind in KINDS:
@@ -250,8 +260,6 @@ def _count_kind(
     tally.swapped += found.swapped
     tally.swapped_found += found.swapped_found
     tally.looked.add(kind, len(found.right), len(found.missed), len(found.wrong))
-    groups = (found.right, found.missed, found.wrong)
-    tally.in_sight.add(kind, *(sum(_was_in_sight(one, days) for one in group) for group in groups))
     causes = [
         (f"missed {_told(one)}", f"missed {kind}: {cause_of_missed(one, *days)}")
         for one in found.missed
@@ -289,6 +297,19 @@ def _centers(change: Change) -> list[BaseGeometry]:
 def _is_seen(places: Sequence[BaseGeometry], days: tuple[MappedDay, MappedDay]) -> bool:
     """Return whether the robot looked at all places of a change, on both days."""
     return all(day.looked_at(place) for place in places for day in days)
+
+
+def _as_seen(change: WorldChange, days: tuple[MappedDay, MappedDay]) -> WorldChange:
+    """Return what two drives can know of a change.
+
+    A thing that was moved from or to a place that they do not show has come or gone for them.
+    """
+    if change.kind != "moved":
+        return change
+    gone = dataclasses.replace(change, kind="removed", after=None)
+    came = dataclasses.replace(change, kind="added", before=None)
+    shown = [one for one in (gone, came) if _was_in_sight(one, days)]
+    return shown[0] if len(shown) == 1 else change
 
 
 def _was_in_sight(change: WorldChange | Change, days: tuple[MappedDay, MappedDay]) -> bool:
