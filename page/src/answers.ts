@@ -298,7 +298,7 @@ export function findContent(
 
 /** What changed in a version of the map. */
 export function changesContent(
-  { changes, total }: VersionChanges,
+  { changes, total, doubtful }: VersionChanges,
   colors: Record<string, string>,
   look: (end: ChangeEnd) => void,
 ): Node[] {
@@ -328,8 +328,11 @@ export function changesContent(
   };
   const list = el("ol", { class: "objects found changed" }, ...changes.map(row));
   list.addEventListener("keydown", stepByArrows);
-  const more = `The first ${count(changes.length)} of ${count(total)} changes`;
-  return total > changes.length ? [list, el("p", { class: "quiet", text: more })] : [list];
+  const facts = [
+    total > changes.length ? `The first ${count(changes.length)} of ${count(total)} changes` : "",
+    doubtful ? `Left out, as doubtful: ${count(doubtful)}` : "",
+  ];
+  return [list, ...facts.filter(Boolean).map((text) => el("p", { class: "quiet", text }))];
 }
 
 /** How a question was understood, and its answer in words. */

@@ -433,7 +433,7 @@ export interface Editing {
   watch(changed: (change: Change | "lost" | "refused") => void): void;
 }
 
-/** A version of the map, and how many objects it changed, by kind of change. */
+/** A version of the map, and how many objects it changed, by kind of change, or "doubtful". */
 export interface Version {
   version: number;
   /** In seconds since 1970; null where the recording's clock does not say it. */
@@ -473,6 +473,8 @@ export interface ObjectChange {
 export interface VersionChanges {
   /** There may be more than those that are listed. */
   total: number;
+  /** How many more are left out, as their objects probably did not come or go. */
+  doubtful: number;
   changes: ObjectChange[];
 }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,8 @@ from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import save_map
 from hypermap.values import FieldSettings, Samples, value_layer_of
 
+from ..cli.conftest import Result
+from ..cli.conftest import hypermap as hypermap
 from .live_tools import Window, saved, serving
 from .past_map import CHAIR_AFTER, CHAIR_BEFORE, PLANT, TUESDAY, past_map, saved_past_map
 from .small_map import CHAIR, CUP, DESK, EVIL, EVIL_ID
@@ -46,6 +50,35 @@ def test_the_timeline_says_when_what_changed_and_by_what(tmp_path: Path) -> None
     assert moved["distance"] == pytest.approx(2.5)
     assert (gone["id"], gone["before"]["name"], gone["after"]) == (CUP, "cup", None)
     assert (added["id"], added["before"], added["after"]["name"]) == (PLANT, None, "plant")
+
+
+def test_doubtful_changes_are_counted_and_not_listed_as_the_command_line_does(
+    tmp_path: Path, hypermap: Callable[..., Result]
+) -> None:
+    room = past_map()
+    assert room.history is not None
+    first, tuesday, *later = room.history.revisions()
+    moved, gone, added = tuesday.changes
+    unsure = dataclasses.replace(gone, confidence=0.3)
+    first = dataclasses.replace(
+        first, changes=tuple(dataclasses.replace(one, confidence=0.3) for one in first.changes)
+    )
+    revisions = (first, dataclasses.replace(tuesday, changes=(moved, unsure, added)), *later)
+    room.history = dataclasses.replace(room.history, earlier=None, added=revisions)
+    save_map(room, path := tmp_path / "room.hmap")
+    with serving(path) as client:
+        window = Window(client)
+        told = window.get("/api/timeline")["versions"]
+        listed = window.get("/api/timeline/2")
+        begun = window.get("/api/timeline/1")
+    assert told[0]["changes"] == {"added": len(first.changes)}  # what a map begins with is shown
+    assert (begun["total"], begun["doubtful"]) == (len(first.changes), 0)
+    assert told[1]["changes"] == {"moved": 1, "added": 1, "doubtful": 1}
+    assert [change["kind"] for change in listed["changes"]] == ["moved", "added"]
+    assert (listed["total"], listed["doubtful"]) == (2, 1)
+    said = hypermap("changes", path, "--since", "v1")
+    assert "1 doubtful change left out" in said.err
+    assert " gone " not in said.out
 
 
 def test_a_map_without_history_has_no_past(tmp_path: Path) -> None:

@@ -117,8 +117,10 @@ def _unchanged(
 
 
 def _worth_showing(found: _Found) -> _Found:
-    """Return the changes that are not doubtful; of the first drive, all."""
-    return [each for each in found if _is_beginning(each[0]) or not each[1].is_doubtful]
+    """Return the changes that are worth showing."""
+    revisions = dict.fromkeys(revision for revision, _ in found)
+    shown = {change for revision in revisions for change in revision.worth_showing()}
+    return [(revision, change) for revision, change in found if change in shown]
 
 
 def _show(found: _Found, each: bool) -> None:
@@ -127,7 +129,7 @@ def _show(found: _Found, each: bool) -> None:
 
     if found:
         rows = table("when", "change", "object", "before", "now", "distance", "by")
-        first = [] if each else [one for one in found if _is_beginning(one[0])]
+        first = [] if each else [one for one in found if one[0].is_beginning]
         if first:
             revision, _ = first[0]
             things = counted(len(first), "object")
@@ -144,11 +146,6 @@ def _show(found: _Found, each: bool) -> None:
             )
         out().print(rows)
     say(counts_of(change for _, change in found) or "nothing changed")
-
-
-def _is_beginning(revision: Revision) -> bool:
-    """Return whether a version is the first of a map made by mapping."""
-    return revision.version == 1 and revision.cause == "mapping"
 
 
 def _cause(revision: Revision) -> str:

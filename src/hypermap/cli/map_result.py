@@ -129,7 +129,7 @@ def _note_changes(hypermap: Hypermap, onto: Path) -> int | None:
     if revision is None or not revision.changes:
         note(f"nothing changed since {onto}")
         return None
-    sure = [change for change in revision.changes if not change.is_doubtful]
+    sure = revision.worth_showing()
     doubtful = len(revision.changes) - len(sure)
     said = [counts_of(sure), f"{doubtful} doubtful" if doubtful else ""]
     note(f"since {onto}: {', '.join(filter(None, said))}")

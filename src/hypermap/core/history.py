@@ -99,6 +99,15 @@ class Revision:
     changes: tuple[Change, ...]
     follows_loss: bool = False
 
+    @property
+    def is_beginning(self) -> bool:
+        """Whether it is the first one of a map made by mapping."""
+        return self.version == 1 and self.cause == "mapping"
+
+    def worth_showing(self) -> list[Change]:
+        """Return the changes that people are shown: without doubtful ones, but for the first."""
+        return [one for one in self.changes if self.is_beginning or not one.is_doubtful]
+
 
 @dataclass(frozen=True)
 class Mapped:

@@ -81,7 +81,7 @@ def timeline(hypermap: Hypermap) -> dict[str, Any]:
             "time": revision.time,
             "cause": revision.cause,
             "drive": revision.drive,
-            "changes": dict(Counter(change.kind for change in revision.changes)),
+            "changes": _counts(revision),
         }
         for number, revision in enumerate(_known(hypermap))
         if revision.changes or number == 0
@@ -98,9 +98,21 @@ def changes_of(hypermap: Hypermap, version: int) -> dict[str, Any]:
     found = [revision for revision in _known(hypermap) if revision.version == version]
     if not found:
         raise Refused(f"the history has no version {version}", 404)
-    changes = found[0].changes
+    changes = found[0].worth_showing()
     shown = [_shown(hypermap, change) for change in changes[:MOST_CHANGES]]
-    return {"total": len(changes), "changes": [change for change in shown if change is not None]}
+    return {
+        "total": len(changes),
+        "doubtful": len(found[0].changes) - len(changes),
+        "changes": [change for change in shown if change is not None],
+    }
+
+
+def _counts(revision: Revision) -> dict[str, int]:
+    """Return how many changes there are of each kind, and how many are doubtful."""
+    shown = revision.worth_showing()
+    counts = dict(Counter(change.kind for change in shown))
+    doubtful = len(revision.changes) - len(shown)
+    return counts | ({"doubtful": doubtful} if doubtful else {})
 
 
 def _known(hypermap: Hypermap) -> list[Revision]:
