@@ -35,14 +35,18 @@ from hypermap.mapping.going_on import CannotGoOn
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.merging import CannotMerge, Merged, merge_maps
 from hypermap.mapping.merging.grids import added_layers
-from hypermap.mapping.merging.moving import moved_tracks
+from hypermap.mapping.merging.moving import moved_tracks, renumbered
+from hypermap.mapping.merging.tracks import join_tracks
 from hypermap.mapping.overrides import override
+from hypermap.mapping.tracks import TrackTable
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
+
+from .evidence_tools import DEFAULT, seen, square
 
 pytestmark = pytest.mark.xdist_group("merging")  # they share what takes long to make
 
@@ -186,6 +190,47 @@ def test_free_floor_below_a_table_does_not_say_that_what_stands_on_it_is_gone() 
         maps.append(mapper.hypermap())
     assert "monitor" not in objects_of(maps[1])
     assert "monitor" in objects_of(merge_maps(*maps, Pose2D()).hypermap)
+
+
+def tracks_of(*things: tuple[shapely.Polygon, int]) -> TrackTable:
+    """Return a table of chairs, each seen so often, whatever lies at its place."""
+    table = TrackTable(DEFAULT.max_existence)
+    for shape, views in things:
+        evidence = EvidenceMap(DEFAULT)
+        for number in range(views):
+            evidence.update(seen(shape, stamp=float(number)))
+        alone = evidence.settled().snapshot()
+        track, heights = renumbered(alone.objects[0], table.next_id), alone.shapes.heights[0]
+        polygon, existence = alone.shapes.polygons[0], float(alone.existence[0])
+        table.add(track, 0, polygon, tuple(heights.tolist()), existence)
+    return table
+
+
+CHAIR = square(0, 0, 0.5)
+ROWS = {
+    "a piece of it, seen once": [(square(0.1, 0.1, 0.15), 1), (CHAIR, 9)],
+    "a double of it, seen once": [(square(0.01, 0, 0.5), 1), (square(0.06, 0, 0.5), 9)],
+    "a piece of it, seen often": [(square(0.1, 0.1, 0.15), 12), (CHAIR, 9)],
+}
+
+
+@pytest.mark.parametrize("things", ROWS.values(), ids=ROWS.keys())
+@pytest.mark.parametrize("is_first", [True, False])
+def test_an_object_of_both_maps_is_matched_and_not_what_lies_at_its_place(
+    things: list[tuple[shapely.Polygon, int]], is_first: bool
+) -> None:
+    tables = tracks_of(*things), tracks_of((CHAIR, 9))
+    first, second = tables if is_first else tables[::-1]
+    joined = join_tracks(first, second, DEFAULT, (lambda *_: False, lambda *_: False))
+    assert joined.pairs == {1 if is_first else 0}
+    assert joined.ids[0 if is_first else 1] in joined.pairs
+
+
+def test_of_two_chairs_side_by_side_one_that_was_hardly_seen_is_still_itself() -> None:
+    beside = square(0.35, 0, 0.5)  # the shapes of both overlap
+    first = tracks_of((CHAIR, 9), (beside, 1))
+    joined = join_tracks(first, tracks_of((beside, 9)), DEFAULT, (lambda *_: False,) * 2)
+    assert joined.pairs == {1}
 
 
 def test_how_poses_were_corrected_turns_with_the_map() -> None:

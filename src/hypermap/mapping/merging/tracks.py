@@ -15,17 +15,20 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray, as_objects
+from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.evidence_buffer import Evidence
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.missed_detections import prune
+from hypermap.mapping.prepared_polygon import shared_area
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable
 
 _VISIBLE, _WHOLE = 0.5, 1 - 1e-6
 """Share of an object that a later view must cover to have missed it: on free floor, elsewhere."""
+
+_TINY = 1e-9  # [m²] of lines that people have drawn
 
 IsFree = Callable[[BaseGeometry, float], bool]
 """Returns whether a map knows an area of the floor to be free, and so that nothing stands there
@@ -103,20 +106,31 @@ def _use_same_classes(*tables: TrackTable) -> None:
 def _partners(first: TrackTable, second: TrackTable, config: EvidenceConfig) -> dict[int, int]:
     """Return the rows in the first table of tracks in both, by their ids in the second.
 
-    Tracks with the most evidence are matched first.
+    Of those that match, the pairs with the largest Jaccard indexes are taken first, as a piece of an
+    object overlaps it altogether. Tracks that are not on their map may be nothing, and count half.
     """
     associate = ASSOCIATIONS[config.association]
+    weights = [np.where(_is_there(one, config), 1.0, 0.5) for one in (first, second)]
+    found: list[tuple[float, int, int]] = []
+    for row, shape in enumerate(second.shapes.polygons):
+        for match in associate(shape, int(second.shapes.classes[row]), first.shapes, config):
+            other = first.shapes.polygons[match]
+            shared = shared_area(shape, other)
+            jaccard = shared / max(shape.area + other.area - shared, _TINY)
+            found.append((-jaccard * weights[0][match] * weights[1][row], row, match))
     partners: dict[int, int] = {}
     taken: set[int] = set()
-    counts = np.array([track.buffer.count for track in second.objects])
-    for row in np.argsort(-counts, kind="stable").tolist():
-        shape, class_ = second.shapes.polygons[row], int(second.shapes.classes[row])
-        matches = associate(shape, class_, first.shapes, config)
-        free = [match for match in matches if match not in taken]
-        if free:
-            taken.add(free[0])
-            partners[second.objects[row].id] = free[0]
+    for _, row, match in sorted(found):
+        if second.objects[row].id not in partners and match not in taken:
+            taken.add(match)
+            partners[second.objects[row].id] = match
     return partners
+
+
+def _is_there(tracks: TrackTable, config: EvidenceConfig) -> BoolArray:
+    """Return which tracks are on their map, by their existence or by hand, shape (N,)."""
+    is_there: BoolArray = tracks.existence > config.publish_above
+    return is_there | np.array([track.by_hand is not None for track in tracks.objects], dtype=bool)
 
 
 def _merge_pairs(
