@@ -78,6 +78,29 @@ def test_a_query_says_when_the_last_object_of_a_name_left_the_map(
     assert "was on the map" not in hypermap("query", office, "--name", "bed").err
 
 
+def test_of_what_left_the_map_it_is_said_when_it_was_seen_last_and_where(
+    hypermap: Run, tmp_path: Path
+) -> None:
+    monday = 1_795_500_000.0  # 2026-11-24 11:30 IST
+    cups = [
+        SemanticObject("cup", shapely.box(x, 0, x + 1, 1), last_seen=monday + 60 * x)
+        for x in (4, 5, 2)
+    ]
+    mapped = Hypermap([SemanticLayer("semantic", "map", cups)])
+    begin_history(mapped)
+    for number in (0, 1, 2):  # the last one left first
+        mapped.semantic().remove(2 if number == 0 else number - 1)
+        save_map(mapped, tmp_path / "office.hmap")
+    seen = r"; last seen 2026-11-24 11:35 IST at \(5.50, 0.50\)\n"
+    said = hypermap("query", tmp_path / "office.hmap", "--name", "cup").err
+    assert re.search(rf"'cup' was on the map until 20\S+ \S+ IST \(--as-of v3\){seen}", said)
+    asked = hypermap("ask", tmp_path / "office.hmap", "when did you last see my cup?").out
+    left = r"'cup' was on the map until 20\S+ \S+ IST"
+    assert re.search(rf"there is no cup in the map; {left}{seen}", asked)
+    before = hypermap("query", tmp_path / "office.hmap", "--name", "sofa", "--as-of", "v2")
+    assert "was on the map" not in before.err
+
+
 def test_all_changes_are_known_of_a_map_that_began_empty(hypermap: Run, tmp_path: Path) -> None:
     path = tmp_path / "live.hmap"
     begun = Hypermap([SemanticLayer("semantic", "map")])

@@ -143,7 +143,7 @@ def test_layers_and_frames_that_others_add_to_the_file_stay(node: Node, file: Pa
     assert saved.metadata["frames"]["used"] == 16
 
 
-def test_what_is_drawn_under_an_id_that_is_in_use_by_now_gets_another(
+def test_what_is_drawn_keeps_its_id_even_if_mapping_has_used_it_by_then(
     node: Node, file: Path
 ) -> None:
     edit(file, lambda layer: layer.add(square("zone", 5, 5)))  # as object 1
@@ -157,6 +157,10 @@ def test_what_is_drawn_under_an_id_that_is_in_use_by_now_gets_another(
         )
     node.save()
     assert names(file) == ["box", "crate", "zone"]
+    assert open_map(file).semantic().get(1).name == "zone"
+    history = open_map(file).history
+    assert history is not None
+    assert [change.kind for change in history.revisions()[-1].changes] == ["added"]
 
 
 def test_edits_outlive_a_correction_of_the_poses(node: Node, file: Path) -> None:

@@ -176,6 +176,20 @@ def test_who_ends_the_server_is_warned_of_what_was_not_saved(tmp_path, number):
     assert path.read_bytes() == before
 
 
+def test_a_client_that_stops_in_the_middle_of_an_upload_does_not_hold_up_the_end(tmp_path):
+    with viewing(saved(tmp_path), "--port", 0) as server:
+        address = urlsplit(server.url)
+        with socket.create_connection((address.hostname, address.port), PATIENCE) as client:
+            token = address.query.partition("=")[2]
+            head = f"POST /api/edit HTTP/1.1\r\nHost: {address.netloc}\r\n"
+            more = f"X-Hypermap-Token: {token}\r\nContent-Length: 500\r\n\r\n{{"
+            client.sendall((head + more).encode())
+            server.get("api/map")  # so the one before has come
+            code, said = server.end(signal.SIGTERM)
+    assert code == 0
+    assert len(said.splitlines()) == 1, said  # how to stop it
+
+
 def test_a_port_in_use_is_said_so_and_without_one_the_next_is_taken(tmp_path):
     path = saved(tmp_path)
     with viewing(path) as one, viewing(path) as other:

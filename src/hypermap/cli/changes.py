@@ -125,7 +125,7 @@ def _worth_showing(found: _Found) -> _Found:
 
 def _show(found: _Found, each: bool) -> None:
     """Show the changes; what the first drive found as one row, unless `each` is wanted."""
-    from hypermap.console.moments import when
+    from hypermap.questions.departed import when
 
     if found:
         rows = table("when", "change", "object", "before", "now", "distance", "by")

@@ -11,7 +11,8 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.history import Change, Revision
 from hypermap.core.hypermap import Hypermap
 from hypermap.history import as_of, at_version, check_version, is_known_from_the_beginning
-from hypermap.questions.times import parse_moment, time_of
+from hypermap.questions.departed import departed, when
+from hypermap.questions.times import parse_moment
 
 
 def version_in(text: str) -> int | None:
@@ -102,29 +103,10 @@ def left_the_map(hypermap: Hypermap, name: str) -> str | None:
 
     None if none did, as far as the map's history knows.
     """
-    last: Revision | None = None
-    before: int | None = None
-    previous: int | None = None
-    for _, revision in () if hypermap.history is None else hypermap.history.dated():
-        if any(_takes_away(change, name) for change in revision.changes):
-            last, before = revision, previous
-        if revision.follows_loss:  # the map before it is not known
-            before = None
-        previous = revision.version
+    last = departed(hypermap, name)
     if last is None:
         return None
-    ask = "" if before is None else f" (--as-of v{before})"
-    return f"{name!r} was on the map until {when(last)}{ask}"
-
-
-def _takes_away(change: Change, name: str) -> bool:
-    was, now = change.before, change.after
-    return was is not None and was.name == name and (now is None or now.name != name)
-
-
-def when(revision: Revision) -> str:
-    """Return when a version was made, as people write it; else its number."""
-    return f"v{revision.version}" if revision.time is None else time_of(revision.time)
+    return last.sentence("" if last.version is None else f" (--as-of v{last.version})")
 
 
 def iso_of(stamp: float) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from hypermap.core.hypermap import Hypermap
@@ -11,6 +12,7 @@ from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.going_on import edits_of, layer_of_objects, state_of
 from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.tracks import TrackTable
 
 
@@ -38,22 +40,30 @@ def take_edits(mapper: Mapper, edited: Hypermap) -> None:
 
 
 def _edit(evidence: EvidenceMap, edits: Mapping[int, HandEdit], edited: Hypermap) -> None:
-    tracks, layer = evidence.settled(), layer_of_objects(edited)
-    free = max([tracks.next_id, *(number + 1 for number in edits)])
+    settled, layer = evidence.settled(), layer_of_objects(edited)
     found: dict[int, HandEdit] = {}
-    for number, edit in sorted(edits.items()):
-        if edit.drawn is not None and _is_of_mapping(tracks, number):
-            found[free] = replace(edit, drawn=replace(edit.drawn, id=free))
-            free += 1
-        elif tracks.rows_of([number]) or edit.is_deleted or edit.drawn is not None:
+    for number, edit in edits.items():
+        if settled.rows_of([number]) or edit.is_deleted or edit.drawn is not None:
             found[number] = edit
         elif layer is not None and number in layer:  # it is one with another by now
             item = layer.get(number)
             attributes = {**item.attributes, BY_HAND: ["drawn"]}
             found[number] = HandEdit(drawn=replace(item, attributes=attributes))
-    evidence.go_on_with(evidence.tracks(), found)
+    drawn = [number for number, edit in found.items() if edit.drawn is not None]
+    evidence.go_on_with(_with_free_ids(evidence.tracks(), drawn), found)
 
 
-def _is_of_mapping(tracks: TrackTable, number: int) -> bool:
-    """Return whether there is an object of an id that nobody has drawn, changed or deleted."""
-    return any(tracks.objects[row].by_hand is None for row in tracks.rows_of([number]))
+def _with_free_ids(tracks: TrackTable, drawn: Collection[int]) -> TrackTable:
+    """Return tracks of which none of this drive has the id of what people have drawn since."""
+    objects = tracks.objects
+    rows = [row for row in tracks.rows_of(drawn) if objects[row].by_hand is None]
+    own = [objects[row].id for row in rows if objects[row].id >= tracks.first_id]
+    free = max([tracks.next_id, *(number + 1 for number in drawn)])
+    ids = {track.id: track.id for track in objects}
+    ids |= {number: free + place for place, number in enumerate(own)}
+    order = sorted(range(len(objects)), key=lambda row: ids[objects[row].id])
+    found = [renumbered(objects[row], ids[objects[row].id]) for row in order]
+    for track in found:
+        counts = {ids[n]: count for n, count in track.co_occurrences.items() if n in ids}
+        track.co_occurrences = Counter(counts)
+    return tracks.of_tracks(found, order)

@@ -20,6 +20,7 @@ from hypermap.core.hypermap import ROOMS, Hypermap, Matches
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
+from hypermap.questions.departed import departed
 from hypermap.questions.query import Condition, Reference
 from hypermap.questions.relations import (
     Sides,
@@ -144,6 +145,8 @@ class Finder:
                 if is_known:
                     like = self._taxonomy.related(what, self._names)
                     hint = f"; similar: {', '.join(map(printable, like[:3]))}" if like else ""
+                if (last := departed(self._hypermap, what)) is not None:
+                    hint = f"; {last.sentence()}"
                 self.notes.append(doors or f"there is no {what} in the map{hint}")
         only = [layer.name for layer in layers or () if isinstance(layer, SemanticLayer)]
         if (names and not wanted) or (layers is not None and not only):

@@ -1,0 +1,76 @@
+"""What is known of objects that are not on the map any more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from hypermap.core.history import EARLIEST, Change, Revision
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.objects import SemanticObject
+from hypermap.history import version_of
+from hypermap.questions.times import time_of
+from hypermap.text import printable
+
+
+@dataclass(frozen=True, eq=False)
+class Departed:
+    """The last object of a name that left a map.
+
+    Attributes:
+        object: as it was on the map, in the frame of its layer.
+        revision: without it.
+        version: of the map that last had it; None if that is not known.
+    """
+
+    object: SemanticObject
+    revision: Revision
+    version: int | None
+
+    def sentence(self, more: str = "") -> str:
+        """Return until when it was on the map, with more on that, and when it was seen, and where.
+
+        >>> import shapely
+        >>> cup = SemanticObject("cup", shapely.box(0, 0, 1, 1))
+        >>> Departed(cup, Revision(4, None, "edit", "", ()), 3).sentence(" (--as-of v3)")
+        "'cup' was on the map until v4 (--as-of v3)"
+        """
+        name = printable(self.object.name)
+        said = f"{name!r} was on the map until {when(self.revision)}{more}"
+        seen, center = self.object.last_seen, self.object.footprint.centroid
+        if seen is None or seen < EARLIEST:
+            return said
+        return f"{said}; last seen {time_of(seen)} at ({center.x:.2f}, {center.y:.2f})"
+
+
+def departed(hypermap: Hypermap, name: str) -> Departed | None:
+    """Return the last object of a name that left a map, and of several the one seen last.
+
+    None if none did, as far as the map's history knows.
+    """
+    found: Departed | None = None
+    previous: int | None = None
+    dated = () if hypermap.history is None else hypermap.history.dated()
+    now = version_of(hypermap)  # it may be a map as it was
+    for _, revision in dated:
+        if revision.version > now:
+            continue
+        gone = [one for change in revision.changes if (one := _taken_away(change, name))]
+        if gone:
+            last = max(gone, key=lambda one: one.last_seen or 0.0)
+            found = Departed(last, revision, previous)
+        if found is not None and revision.follows_loss:  # the map before it is not known
+            found = replace(found, version=None)
+        previous = revision.version
+    return found
+
+
+def when(revision: Revision) -> str:
+    """Return when a version was made, as people write it; else its number."""
+    return f"v{revision.version}" if revision.time is None else time_of(revision.time)
+
+
+def _taken_away(change: Change, name: str) -> SemanticObject | None:
+    """Return the object of a name that a change takes away, or gives another name."""
+    was, now = change.before, change.after
+    is_gone = was is not None and was.name == name and (now is None or now.name != name)
+    return was if is_gone else None
