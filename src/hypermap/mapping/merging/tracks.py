@@ -106,8 +106,9 @@ def _use_same_classes(*tables: TrackTable) -> None:
 def _partners(first: TrackTable, second: TrackTable, config: EvidenceConfig) -> dict[int, int]:
     """Return the rows in the first table of tracks in both, by their ids in the second.
 
-    Of those that match, the pairs with the largest Jaccard indexes are taken first, as a piece of an
-    object overlaps it altogether. Tracks that are not on their map may be nothing, and count half.
+    Of those that match, the pairs with the largest Jaccard indexes are taken first, as a piece of
+    an object overlaps it altogether. Tracks that are not on their map may be nothing, and count
+    half.
     """
     associate = ASSOCIATIONS[config.association]
     weights = [np.where(_is_there(one, config), 1.0, 0.5) for one in (first, second)]
