@@ -179,3 +179,15 @@ def test_a_save_and_a_look_in_the_middle_of_any_drive_change_nothing(
         assert packed.facts == wanted.facts
         for name, values in wanted.arrays.items():
             np.testing.assert_array_equal(packed.arrays[name], values)
+
+
+def test_what_no_new_frame_shows_is_not_joined_anew() -> None:
+    """`live` and the page that watches look at the map after each frame."""
+    evidence = mapped([[(-3.0, 0.0), (3.0, 0.0)]] * 6, [[(-3.0, 0.0), (3.0, 0.0)]] * 6)
+    before = evidence.settled()
+    evidence.update(seen(square(3.0, side=0.6), area=square(3.0), stamp=DAY + 6))
+    after = evidence.settled()
+    assert [track.buffer.count for track in after.objects] == [12, 13]
+    assert after.shapes.polygons[0] is before.shapes.polygons[0]
+    assert after.shapes.polygons[1] is not before.shapes.polygons[1]
+    assert before.objects[1].buffer.count == 12

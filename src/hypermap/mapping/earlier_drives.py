@@ -11,22 +11,26 @@ of objects, between drives.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence, Set
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import as_objects
-from hypermap.history.likeness import SAME_SHAPE, fills_its_place, likeness
+from hypermap.history.likeness import SAME_SHAPE, fills_its_place
 from hypermap.mapping.association import ASSOCIATIONS
-from hypermap.mapping.evidence_buffer import CONFIRMED, Evidence
+from hypermap.mapping.evidence_buffer import CONFIRMED, Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.moved import GONE
-from hypermap.mapping.reunion import Reunion, SeenBefore, parted
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.mapping.reunion import Reunion, SeenBefore, likeness_of, parted
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable, are_two
+
+T = TypeVar("T")
 
 _LEAST = 0.2  # [m]; least distance of centroids for a move within an object's place
 _PER_AREA = 0.4  # [m] per square meter of an object of which a drive may see only one side
@@ -37,6 +41,10 @@ _COVERED = 0.5  # share of that floor which such a view must cover
 _BESIDE = 0.2  # [m] by which poses may put a small object beside its place
 
 
+_Evidence: TypeAlias = "tuple[EvidenceBuffer, PreparedPolygon | None]"
+"""Evidence, not to be changed, and the shape that it shows; None if people have given one."""
+
+
 class EarlierDrives:
     """Joins the tracks of the present drive to those of earlier ones."""
 
@@ -45,10 +53,14 @@ class EarlierDrives:
         self._fuse = FUSIONS[config.fusion]
         self._associate = ASSOCIATIONS[config.association]
         self._seen_before: SeenBefore = {}
+        self._have_shifted = _OfPairs(_has_shifted)
+        self._joined = _OfPairs(self._join)
 
     def begin_drive(self) -> None:
         """Forget what is known of the tracks of the drive so far."""
         self._seen_before.clear()
+        self._have_shifted.keep(frozenset())
+        self._joined.keep(frozenset())
 
     def settled(self, tracks: TrackTable) -> TrackTable:
         """Return a table in which each object has one track; `tracks` itself if it has already.
@@ -62,13 +74,15 @@ class EarlierDrives:
         pairs = Reunion(tracks, self._config, self._seen_before).pairs()
         ids = {tracks.objects[row].id for row in fresh}
         self._seen_before = {n: seen for n, seen in self._seen_before.items() if n in ids}
+        self._have_shifted.keep(ids)
+        self._joined.keep(ids)
         if not pairs:
             return tracks
         table = tracks.snapshot()
         joined: dict[int, int] = {}  # rows of this drive's tracks, and the known ones that get them
         for pair in pairs:
             confidence = pair.confidence
-            if confidence is None and self._has_shifted(tracks, pair.known, pair.fresh):
+            if confidence is None and self._have_shifted.of(tracks, pair.known, pair.fresh):
                 confidence = 1.0
             if confidence is None:
                 self._add_evidence(table, pair.known, pair.fresh)
@@ -87,36 +101,25 @@ class EarlierDrives:
 
     def _add_evidence(self, table: TrackTable, known: int, fresh: int) -> None:
         """Add the evidence of a track of this drive to the known one that it shows."""
-        track, own = table.objects[known], table.objects[fresh]
-        track.buffer.merge([own.buffer])
+        track, (buffer, shape) = table.objects[known], self._joined.of(table, known, fresh)
+        track.buffer = buffer
         track.pending, track.gone_since = 0, None
         existence, spared = table.existence, table.spared
         table.change_existence(known, max(0.0, -float(existence[known])))
         table.change_existence(known, float(existence[fresh]), float(spared[fresh]))
         table.misses[known] += table.misses[fresh]
-        if track.by_hand is None or track.by_hand.shape is None:
-            table.shapes.replace(known, self._fuse(track.buffer, self._config))
-        table.shapes.heights[known] = track.buffer.heights()
+        if shape is not None:
+            table.shapes.replace(known, shape)
+        table.shapes.heights[known] = buffer.heights()
         table.note_times([known])
 
-    def _has_shifted(self, tracks: TrackTable, known: int, fresh: int) -> bool:
-        """Return whether an object has moved within its place, or next to it.
-
-        Some pieces of evidence of both drives must agree on places apart, and this drive must have
-        seen the floor where it was. A large object must have moved farther, because a drive may see
-        only one side of it, unless about as much floor is taken as is left, and earlier views saw
-        that.
-        """
-        track, own = tracks.objects[known], tracks.objects[fresh]
-        if min(len(track.buffer), len(own.buffer)) < CONFIRMED or track.by_hand is not None:
-            return False
-        if own.buffer.first_seen < track.buffer.last_seen:  # an older drive, which is mapped later
-            return False
-        was, here = (tracks.shapes.polygons[row].geometry for row in (known, fresh))
-        if shapely.distance(was.centroid, here.centroid) < _LEAST:
-            return False
-        is_same = likeness(was, here) >= SAME_SHAPE
-        return is_same and _is_elsewhere(here, was, own.buffer.items, track.buffer.items)
+    def _join(self, table: TrackTable, known: int, fresh: int) -> _Evidence:
+        """Return the evidence of two tracks, and the shape that it shows."""
+        track, own = table.objects[known], table.objects[fresh]
+        buffer = track.buffer.copy()
+        buffer.merge([own.buffer])
+        has_shape = track.by_hand is not None and track.by_hand.shape is not None
+        return buffer, None if has_shape else self._fuse(buffer, self._config)
 
     def _whole_of(self, table: TrackTable, row: int, joined: dict[int, int]) -> int | None:
         """Return the row of the known track of which another one shows a part; None if of none.
@@ -134,6 +137,49 @@ class EarlierDrives:
             if known in own and is_free and not are_two(objects[own[known]], objects[row], 0):
                 return known
         return None
+
+
+class _OfPairs(Generic[T]):
+    """What is computed of a known track and one of this drive: anew only if one has changed."""
+
+    def __init__(self, make: Callable[[TrackTable, int, int], T]) -> None:
+        """Prepare to compute it by `make`, given a table, and the rows of both tracks."""
+        self._make = make
+        self._found: dict[tuple[int, int], tuple[object, T]] = {}
+
+    def of(self, tracks: TrackTable, known: int, fresh: int) -> T:
+        """Return it for the tracks in two rows."""
+        one, other = tracks.objects[known], tracks.objects[fresh]
+        shapes = tracks.shapes.polygons[known], tracks.shapes.polygons[fresh]
+        state, pair = (one.buffer.state, other.buffer.state, shapes), (one.id, other.id)
+        found = self._found.get(pair)
+        if found is None or found[0] != state:
+            found = self._found[pair] = state, self._make(tracks, known, fresh)
+        return found[1]
+
+    def keep(self, ids: Set[int]) -> None:
+        """Forget all tracks of this drive but some."""
+        self._found = {pair: found for pair, found in self._found.items() if pair[1] in ids}
+
+
+def _has_shifted(tracks: TrackTable, known: int, fresh: int) -> bool:
+    """Return whether an object has moved within its place, or next to it.
+
+    Some pieces of evidence of both drives must agree on places apart, and this drive must have seen
+    the floor where it was. A large object must have moved farther, because a drive may see only one
+    side of it, unless about as much floor is taken as is left, and earlier views saw that.
+    """
+    track, own = tracks.objects[known], tracks.objects[fresh]
+    if min(len(track.buffer), len(own.buffer)) < CONFIRMED or track.by_hand is not None:
+        return False
+    if own.buffer.first_seen < track.buffer.last_seen:  # an older drive, which is mapped later
+        return False
+    was, here = (tracks.shapes.polygons[row] for row in (known, fresh))
+    if shapely.distance(was.geometry.centroid, here.geometry.centroid) < _LEAST:
+        return False
+    if likeness_of(was, here) < SAME_SHAPE:
+        return False
+    return _is_elsewhere(here.geometry, was.geometry, own.buffer.items, track.buffer.items)
 
 
 def _beside(table: TrackTable, row: int) -> Rows:

@@ -263,6 +263,13 @@ class EvidenceBuffer:
         for evidence in self.items:
             self._centroids.append(evidence.centroid_xy)
 
+    @property
+    def state(self) -> tuple[object, ...]:
+        """What differs after each change of the buffer, and is equal as long as there is none."""
+        ends = self.items[:1], self.items[-1:], len(self.items)
+        counts = self.count, self.score_sum, self.first_seen, self.last_seen
+        return (*ends, *counts, self.pictures, self.colors, self.embedding)
+
     def lacks_colors(self, stamp: float) -> bool:
         """Return whether few of its colors are of the drive that goes on at a stamp [s]."""
         newest = self.colors[-_ENOUGH:]

@@ -123,9 +123,10 @@ class _Class:
         a, b = shapes.geometries(known), shapes.geometries(fresh)
         boxes, theirs = shapes.boxes[known][:, None], shapes.boxes[fresh]
         meet = (boxes[..., :2] <= theirs[:, 2:]) & (boxes[..., 2:] >= theirs[:, :2])
-        near = np.nonzero(meet.all(axis=2))
         shared = np.zeros((len(known), len(fresh)))
-        shared[near] = shapely.area(shapely.intersection(a[near[0]], b[near[1]]))
+        for i, j in np.argwhere(meet.all(axis=2)).tolist():
+            one, other = shapes.polygons[known[i]], shapes.polygons[fresh[j]]
+            shared[i, j] = other.cached(_shared_with, one)
         ways = shapely.distance(shapely.centroid(a)[:, None], shapely.centroid(b))
         ways = np.nan_to_num(ways, nan=math.inf)  # what is empty is far from everything
         areas = shapely.area(a), shapely.area(b)
@@ -233,7 +234,7 @@ class Reunion:
             possible &= ~differ_in_color(self._tracks, one.known, one.fresh, self._surely_same)
         for i, j in np.argwhere(possible).tolist():
             row, other = one.known[i], one.fresh[j]
-            alike = likeness(shapes.polygons[row].geometry, shapes.polygons[other].geometry)
+            alike = likeness_of(shapes.polygons[row], shapes.polygons[other])
             is_shown_beside = bool(self._tracks.objects[row].co_occurrences[self._id(other)])
             possible[i, j] = alike >= _LEAST_LIKE and not is_shown_beside
             costs[i, j] += _TURNED * (1 - alike)
@@ -325,6 +326,19 @@ class Reunion:
     @cached_property
     def _views(self) -> list[Evidence]:
         return views_of_tracks(self._tracks)
+
+
+def likeness_of(known: PreparedPolygon, fresh: PreparedPolygon) -> float:
+    """Return how alike a known shape and one of the drive are; see `likeness`."""
+    return fresh.cached(_likeness_to, known)
+
+
+def _shared_with(fresh: PreparedPolygon, known: PreparedPolygon) -> float:
+    return float(shapely.area(shapely.intersection(known.geometry, fresh.geometry)))
+
+
+def _likeness_to(fresh: PreparedPolygon, known: PreparedPolygon) -> float:
+    return likeness(known.geometry, fresh.geometry)
 
 
 def _confidence(moves: NDArray[np.float64], i: int, j: int) -> float:
