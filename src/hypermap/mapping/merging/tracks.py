@@ -131,7 +131,8 @@ def _partners(first: TrackTable, second: TrackTable, config: EvidenceConfig) -> 
 def _is_there(tracks: TrackTable, config: EvidenceConfig) -> BoolArray:
     """Return which tracks are on their map, by their existence or by hand, shape (N,)."""
     is_there: BoolArray = tracks.existence > config.publish_above
-    return is_there | np.array([track.by_hand is not None for track in tracks.objects], dtype=bool)
+    is_there |= np.array([track.by_hand is not None for track in tracks.objects], dtype=bool)
+    return is_there
 
 
 def _merge_pairs(
