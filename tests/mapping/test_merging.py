@@ -233,6 +233,13 @@ def test_of_two_chairs_side_by_side_one_that_was_hardly_seen_is_still_itself() -
     assert joined.pairs == {1}
 
 
+def test_a_map_without_objects_is_merged_with_one_that_has_some() -> None:
+    for first, second in ((tracks_of(), tracks_of((CHAIR, 9))), (tracks_of(), tracks_of())):
+        joined = join_tracks(first, second, DEFAULT, (lambda *_: False,) * 2)
+        assert not joined.pairs
+        assert len(joined.tracks.objects) == len(second.objects)
+
+
 def test_how_poses_were_corrected_turns_with_the_map() -> None:
     evidence = EvidenceMap(profile("default").evidence)
     shape = shapely.box(1, 0, 2, 1)
