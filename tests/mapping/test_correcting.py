@@ -220,6 +220,23 @@ def test_poses_that_lack_a_frame_of_the_drive_change_nothing() -> None:
     assert [one.footprint for one in objects(mapper.hypermap())] == [o.footprint for o in before]
 
 
+def test_frames_just_beyond_the_keyframes_of_a_drive_move_with_the_nearest() -> None:
+    half = len(drive()) // 2
+    morning = mapper_of(drifted()[:half], day="morning").hypermap()
+    later = [dataclasses.replace(frame, stamp=frame.stamp + 1e5) for frame in drive()]
+    mapper = Mapper.onto(morning, SOURCE, drive="afternoon")
+    for frame, at in zip(drifted()[half:], later[half:], strict=True):
+        mapper.add(dataclasses.replace(frame, stamp=at.stamp))
+    known = truth([*drive()[1 : half - 1], *later[half + 1 : -1]])
+    correction = mapper.correct(dataclasses.replace(known, max_gap=1.5))
+    assert (correction.frames, correction.kept) == (len(drive()), 0)
+    _, found = mapper.logged_poses()
+    off = np.abs(found - np.array([frame.map_T_camera for frame in drive()]))[:, :2, 3]
+    assert off.max() < 0.05  # the drift of one frame
+    with pytest.raises(CannotCorrect, match=r"no pose for 1 .* 'morning'.* \(--max-pose-gap\)"):
+        mapper.correct(dataclasses.replace(truth(drive()[2:half]), max_gap=1.5))
+
+
 def test_few_poses_correct_the_frames_between_them() -> None:
     mapper = Mapper.onto(drifted_map(), SOURCE)
     stamps = np.linspace(drive()[0].stamp, drive()[-1].stamp, 8)

@@ -98,7 +98,8 @@ def corrected_poses(
     """Return the poses of all logged frames, and which of them are from the trajectory.
 
     The frames of a drive are corrected together, or none of them. Of drives with the same stamps,
-    as from simulators, the newest is corrected.
+    as from simulators, the newest is corrected. The first and last frames of a drive, if they are
+    beyond the poses by no more than gaps are bridged, get the nearest correction.
 
     Args:
         log: the frames.
@@ -120,13 +121,17 @@ def corrected_poses(
     rows_of = rows_of_drives(len(stamps), drives)
     if is_under_way and is_covered.any():
         is_covered[rows_of[-1]] = True
+    is_near = _are_near_a_pose(stamps, trajectory) & can_be_corrected(log, drives)
     for drive, rows in zip(drives, rows_of, strict=True):
+        if is_covered[rows].any():
+            is_covered[rows] |= is_near[rows]
         missing = stamps[rows][~is_covered[rows]]
         if len(missing) and is_covered[rows].any():
             raise CannotCorrect(
                 f"no pose for {len(missing)} of the {len(stamps[rows])} frames of the drive "
                 f"{drive.name!r}, the first at {missing[0]:.6f} s: the poses reach from "
-                f"{begin:.6f} to {end:.6f} s, and gaps up to {trajectory.max_gap:g} s are bridged"
+                f"{begin:.6f} to {end:.6f} s, and gaps up to {trajectory.max_gap:g} s are bridged "
+                "(--max-pose-gap)"
             )
     if not is_covered.any():
         known = f", from {stamps.min():.6f} to {stamps.max():.6f} s" if len(stamps) else ""
@@ -142,6 +147,19 @@ def corrected_poses(
     if not (np.abs(poses[:, :3, 3]) <= FARTHEST_POSE).all():
         raise CannotCorrect(f"a pose is farther away than {FARTHEST_POSE:g} m")
     return poses, is_covered
+
+
+def _are_near_a_pose(stamps: NDArray[np.float64], trajectory: Trajectory) -> NDArray[np.bool_]:
+    """Return which frames are as near to a pose as gaps between poses are bridged, shape (N,).
+
+    A SLAM system saves keyframes, and the first and last frames may be beyond these. Across gaps of
+    any length, frames beyond the poses are near to none.
+    """
+    if not np.isfinite(trajectory.max_gap):
+        return np.zeros(len(stamps), dtype=bool)
+    after = np.searchsorted(trajectory.stamps, stamps).clip(max=len(trajectory.stamps) - 1)
+    beside = trajectory.stamps[np.stack([after, np.maximum(after - 1, 0)])]
+    return np.asarray(np.abs(beside - stamps).min(axis=0) <= trajectory.max_gap)
 
 
 def can_be_corrected(log: FrameLog, drives: Sequence[Drive]) -> NDArray[np.bool_]:
