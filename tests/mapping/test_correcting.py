@@ -38,6 +38,8 @@ from hypermap.mapping.frame_log import (
 )
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.moved_frames import moved_frames
+from hypermap.mapping.occlusion import sample_points, visible_shares
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.seen_cells import SeenCells
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.detectors.sources import detections_from_recording
@@ -393,6 +395,25 @@ def frame_with_view(reach: NDArray[np.float32]) -> LoggedFrame:
     camera = Camera.from_intrinsics(2.0, 2.0, 1.0, 0.5, width=3, height=2)
     view = DepthView(camera, np.eye(4), reach)
     return LoggedFrame(Observation(1.0, np.eye(4), (), shapely.Polygon(), view), None)
+
+
+def test_a_logged_frame_of_a_large_image_misses_the_same_small_objects() -> None:
+    pose = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1.0]])  # along x
+    camera = Camera.from_intrinsics(525.0, 525.0, 319.5, 239.5, 640, 480)
+    view = DepthView.of(RgbdFrame(0.0, np.full((480, 640), 6.0, np.float32), camera, pose))
+    logged = LoggedFrame(Observation(0.0, pose, (), shapely.Polygon(), view), None)
+    (frame,) = moved_frames([packed_frame(logged)], [pose], 0.05, "x.hmap")
+    kept = frame.observation.view
+    assert kept is not None
+    assert kept.camera.width < view.camera.width
+    for distance in (1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0):
+        cup = PreparedPolygon.of(shapely.Point(distance, 0).buffer(0.045))
+        both = [
+            visible_shares(one, sample_points([cup]), np.array([[0.95, 1.05]]), 0.05).visible
+            for one in (view, kept)
+        ]
+        assert both[0] == both[1], f"at {distance} m"
+    assert both[0] == 0, "too far away to be detected"
 
 
 @given(

@@ -117,6 +117,7 @@ def _packed_view(view: DepthView | None) -> tuple[dict[str, Any] | None, _Arrays
     camera = view.camera.every(step)
     farthest = view.max_range if math.isfinite(view.max_range) else None
     facts = {"K": camera.K.tolist(), "size": [camera.height, camera.width], "max_range": farthest}
+    facts["every"] = view.every * step
     reach = np.ascontiguousarray(view.reach[::step, ::step], np.float16)
     low, high = np.ascontiguousarray(reach.view(np.uint8).reshape(-1, 2).T)
     return facts, {"reach": high}, low.tobytes()

@@ -166,7 +166,7 @@ def _view(
     reach = np.empty((height, width), np.float32)
     _join_halves(low, high, _FLOAT32, reach)
     farthest = np.inf if facts["max_range"] is None else float(facts["max_range"])
-    return DepthView(camera, pose, reach, farthest)
+    return DepthView(camera, pose, reach, farthest, int(facts.get("every", 1)))
 
 
 @lru_cache(maxsize=4)

@@ -18,7 +18,7 @@ _AROUND = np.arange(8) / 8  # samples along the contour
 _INWARD = 0.75  # where the samples lie between centroid and contour
 _HEIGHTS = (0.25, 0.5, 0.75)  # of the samples, between lowest and highest point
 _NO_HULL = -1.0
-_FEWEST_RAYS = 10  # that must be able to hit an object; smaller ones cannot be detected
+_FEWEST_RAYS = 10  # of a whole view, that must be able to hit an object that is detected
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +176,7 @@ def visible_shares(
         heights,
         rows,
         tolerance,
+        _FEWEST_RAYS / view.every**2,
         found,
     )
     return SeenShares(*found)
@@ -192,6 +193,7 @@ def _count_seen(
     heights: NDArray[np.float64],
     rows: IntArray,
     tolerance: float,
+    fewest: float,
     found: NDArray[np.float64],
 ) -> None:
     """Find the shares of `visible_shares`.
@@ -206,6 +208,7 @@ def _count_seen(
         heights: as in `visible_shares`, as `rows` and `tolerance`.
         rows: likewise.
         tolerance: likewise.
+        fewest: rays that must be able to hit an object; smaller ones cannot be detected.
         found: filled with the shares, shape (3, R).
     """
     T = map_T_camera
@@ -218,7 +221,7 @@ def _count_seen(
             mean += far / around.shape[1]
         size = widths[i] * (heights[i, 1] - heights[i, 0])
         visible = through = beyond = 0
-        if size * K[0, 0] * K[1, 1] / max(mean, 1e-3) ** 2 >= _FEWEST_RAYS:
+        if size * K[0, 0] * K[1, 1] / max(mean, 1e-3) ** 2 >= fewest:
             for k in range(xy.shape[1]):
                 x, y = xy[i, k, 0] - T[0, 3], xy[i, k, 1] - T[1, 3]
                 own = np.hypot(x, y)

@@ -34,12 +34,14 @@ class DepthView:
         reach: horizontal distance from the camera to where each ray ended [m], float32, NaN for
             no return, shape (H, W).
         max_range: rays that end farther away are ignored in `ground` [m].
+        every: it has every n-th row and column of the frame's view; 1 if it is that view.
     """
 
     camera: Camera
     map_T_camera: NDArray[np.float64]
     reach: NDArray[np.float32]
     max_range: float = np.inf
+    every: int = 1
 
     @classmethod
     def of(cls, frame: RgbdFrame, max_range: float = np.inf) -> DepthView:
