@@ -275,7 +275,8 @@ class _Asking:
         area = self._area()
         start = self._finder.place(query.start or ASKER) if query.which == "nearest" else None
         others = [layer for layer in layers if not isinstance(layer, SemanticLayer)]
-        return [cell for layer in others for cell in _cells_in(hypermap, layer, what, area, start)]
+        asked = what, area, start, query.count or 1
+        return [cell for layer in others for cell in _cells_in(hypermap, layer, *asked)]
 
     def _places(self) -> Iterable[Cell]:
         """Return the places at which a quantity is within limits."""
@@ -476,7 +477,8 @@ def _cells_in(
     what: Sequence[str | float],
     area: BaseGeometry | None,
     start: NDArray[np.float64] | None,
+    count: int,
 ) -> Iterable[Cell]:
     if isinstance(layer, NotesLayer):
         return notes_in(hypermap, layer, what, area, start)
-    return cells_in(hypermap, layer, what, area, start)
+    return cells_in(hypermap, layer, what, area, start, count)

@@ -67,11 +67,12 @@ def cells_in(
     what: Sequence[str | float],
     area: BaseGeometry | None,
     start: NDArray[np.float64] | None,
+    count: int = 1,
 ) -> Iterator[Cell]:
     """Yield the cells of some labels or values, or all of an area.
 
     Instead of more than `MOST_LISTED`, it is one for each label, or what `value_in` says of the
-    measured values in an area; all are there where distances are wanted.
+    measured values in an area. Where distances are wanted, it is those that are nearest.
 
     Args:
         hypermap: the map.
@@ -79,9 +80,11 @@ def cells_in(
         what: labels and values, any of which cells have; none for any.
         area: in the base frame; None for everywhere, where `what` is given.
         start: from where distances are measured [m]; None for none.
+        count: how many are wanted then, and all that are as near as the last of these.
     """
     if what:
         places = np.concatenate([hypermap.find(layer.name, one, area) for one in what])
+        places = places if start is None else places[_nearest(places, start, count)]
         labels = hypermap.label_at(layer.name, places)
     elif area is not None:
         hits = hypermap.labels_in(layer.name, area)
@@ -98,10 +101,23 @@ def cells_in(
         values = hypermap.value_at(layer.name, places)
     else:
         values = hypermap.values_in(layer.name, area).values
+        if start is not None:
+            rows = _nearest(places, start, count)
+            labels, values, places = labels[rows], values[rows], places[rows]
     more = {"unit": layer.unit} if isinstance(layer, ValueLayer) else {}
     far = [None] * len(places) if start is None else np.hypot(*(places - start).T).tolist()
     for label, value, place, distance in zip(labels, values, places, far, strict=True):
         yield Cell(layer.name, str(label), known(value), place, distance, more)
+
+
+def _nearest(
+    places: NDArray[np.float64], start: NDArray[np.float64], count: int
+) -> NDArray[np.intp]:
+    """Return the rows of the nearest places, and of all as near as the last of them, in order."""
+    if len(places) <= count:
+        return np.arange(len(places))
+    far = np.hypot(*(places - start).T)
+    return np.flatnonzero(far <= np.partition(far, count - 1)[count - 1])
 
 
 def _counted(layer: Layer, labels: NDArray[Any], places: NDArray[np.float64]) -> Iterator[Cell]:
