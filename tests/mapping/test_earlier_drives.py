@@ -151,7 +151,7 @@ def test_edits_from_before_a_drive_do_not_end_it_in_the_middle() -> None:
     np.testing.assert_array_equal(before.arrays["track.kept"], after.arrays["track.kept"])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @example([0, 2, 1], [[(0.0, 0.0)]], [[(0.0, 0.0)]] * 6, [[(0.0, 0.0)]], 4)
 @given(st.permutations([0, 1, 2]), drives, drives, drives, st.integers(0, 35))
 def test_a_save_and_a_look_in_the_middle_of_any_drive_change_nothing(
