@@ -256,3 +256,21 @@ def test_another_thing_that_has_come_instead_stops_rays_too(x: float, stays: boo
     second = dataclasses.replace(look(without, with_it), before=before, after=moved)
     second = dataclasses.replace(second, before=SemanticLayer("semantic", "map", [bin_]))
     assert (second.chance(CAME) > 0.8) == stays  # it was there, and has made room
+
+
+@pytest.mark.parametrize(("passing", "is_there"), [(0, True), (3, False)])
+def test_where_most_rays_pass_that_it_stopped_it_is_not_there(passing: int, is_there: bool) -> None:
+    """What that drive detects is the chair beside it."""
+    beside = shapely.box(1.85, 0.18, 2.15, 0.6)
+    reach = np.where(np.arange(80) % 4 < passing, 6.0, 2.0)  # of some columns, rays pass
+    without = {"reach": reach, "shapes": [beside]}
+    layer = SemanticLayer("semantic", "map", [neighbor(8), CHAIR])
+    for shown in ([INSIDE], [INSIDE, beside]):
+        with_it = {"reach": 2.0, "shapes": shown}
+        for change, days in (
+            (CAME, (frames(0, *SEEN, **without), frames(1, *SEEN, **with_it))),
+            (LEFT, (frames(0, *SEEN, **with_it), frames(1, *SEEN, **without))),
+        ):
+            second = dataclasses.replace(look(*days), before=layer, after=layer.objects())
+            assert (second.chance(change) > 0.8) == is_there
+            assert (second.chance(change) < 0.2) != is_there

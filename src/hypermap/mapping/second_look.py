@@ -41,10 +41,11 @@ _APART = 0.1  # share of an object that another one beside it may seem to take
 _FOUND = 0.8  # share of such frames that detect an object which is there
 _FALSE = 0.05  # share of those that detect one which is not there
 _DIFFERS = 0.35  # share of the rays stopped by an object from which on more or fewer pass
+_EMPTY = 0.5  # share of all rays by which so many more pass that its place is empty
 _THIN = 0.85  # share of the rays that pass a thin object, such as a lamp
 _IN_PLACE = 0.1  # share of an object's floor on which another thing may be there instead
 _LIKELY = 0.5  # least chance that a drive shows two objects, and not one of them twice
-_AS_FULL = 0.9  # how likely an object has stayed if as many rays end in its place as before
+_SURE = 0.9  # how likely it is what such rays tell
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,8 @@ class SecondLook:
         see the place, both are as likely; without one, the answer is 0.
 
         Beside another one of its class, it may also be a second object of that one: then the drive
-        that shows it hardly detects both at once.
+        that shows it hardly detects both at once. But where rays pass that it stopped in the other
+        drive, it is not there, and where as many are stopped, it is, whatever is detected.
         """
         present, *earlier = rows_of_drives(len(self.log.frames), self.drives)[::-1]
         has_come, item, shapes = change.kind == ADDED, change.object, self._with_rivals(change)
@@ -105,13 +107,17 @@ class SecondLook:
         is_second = len(shapes) > 1 and there is not None and there.chance < _LIKELY
         looks = self._looks_in(without, item, self._with_neighbors(change, is_second))
         stayed = 0.0 if looks is None else looks.chance
-        # What the map has may have been gone by the last drive before: that one is no measure.
-        with_it = self._looks_in(within, item, shapes, least=1)
-        if looks is not None and with_it is not None and self._is_as_full(change, looks, with_it):
-            stayed = max(stayed, _AS_FULL)
         if len(shapes) > 1 and there is not None:
             stayed = max(stayed, 1 - there.chance)
-        return stayed
+        # What the map has may have been gone by the last drive before: that one is no measure.
+        with_it = self._looks_in(within, item, shapes, least=1)
+        if looks is None or with_it is None or not _stops_rays(item, with_it):
+            return stayed
+        more = looks.passed - with_it.passed
+        if more >= _EMPTY:  # the detections are of what is beside it
+            return min(stayed, 1 - _SURE)
+        is_as_full = abs(more) < _DIFFERS * (1 - with_it.passed) and not self._is_taken(change)
+        return max(stayed, _SURE) if is_as_full else stayed
 
     def _looks_in(
         self,
@@ -131,21 +137,11 @@ class SecondLook:
         found = (self._looks(item, rows, shapes) for rows in drives)
         return next((one for one in found if one is not None and one.detected >= least), None)
 
-    def _is_as_full(self, change: Change, without: _Looks, within: _Looks) -> bool:
-        """Return whether its place stops as many rays as with the object, which has thus stayed.
-
-        Another thing that has come to its place, or left it, may have stopped them. Of what is thin
-        or flat, rays tell nothing: they end at the wall behind.
-        """
-        if within.passed > _THIN:
-            return False
-        if abs(without.passed - within.passed) >= _DIFFERS * (1 - within.passed):
-            return False
+    def _is_taken(self, change: Change) -> bool:
+        """Return whether another thing has come to the place of an object, or left it."""
         own, *others = valid_copies(as_objects([change.object.footprint, *self._instead(change)]))
-        if _depth(own) < _LARGE:
-            return False
         shared = shapely.area(shapely.intersection(others, own))
-        return not (shared > _IN_PLACE * own.area).any()
+        return bool((shared > _IN_PLACE * own.area).any())
 
     def _instead(self, change: Change) -> list[BaseGeometry]:
         """Return the shapes of other objects that only the map without this one has there."""
@@ -278,6 +274,11 @@ def _detects(frame: LoggedFrame, name: str, shapes: Sequence[BaseGeometry]) -> b
             free[0].remove(i)
             free[1].remove(j)
     return 0 not in free[1]
+
+
+def _stops_rays(item: SemanticObject, looks: _Looks) -> bool:
+    """Return whether rays tell if an object is there: at what is thin or flat, few of them end."""
+    return looks.passed <= _THIN and _depth(valid_copies(as_objects([item.footprint]))[0]) >= _LARGE
 
 
 def _depth(shape: BaseGeometry) -> float:
