@@ -24,6 +24,7 @@ from hypermap.formats.any_file import open_any
 from hypermap.formats.store import read_file
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.recorded import RecordedDetections
+from hypermap.ros.mapper.saved_files import SavedFiles
 from hypermap.testing import square
 
 _SIDE = 24  # cells
@@ -168,7 +169,7 @@ class _LiveMap:
     state: tuple[int, ...] = (0,)
     is_new: bool = True
     saves: int = 0
-    files: set[Path] = field(default_factory=set)
+    files: SavedFiles = field(default_factory=lambda: SavedFiles([]))
 
     def hypermap(self) -> Hypermap:
         return Hypermap([*self.made], metadata={**self.made.metadata, MAP_VERSION: 1})
