@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections import deque
 from collections.abc import Iterable
 from pathlib import Path
 
 from hypermap.core.hypermap import Hypermap
 
 _Look = tuple[int, int, int]
+
+_MOST = 1000  # saves that are remembered: of 8 hours, at one each 30 s
 
 
 class SavedFiles:
@@ -22,7 +25,7 @@ class SavedFiles:
         """Look at files that the node is about to read, or will save in; empty paths are none."""
         self._looks = {path: _look_at(path) for path in map(_real, filter(None, paths))}
         self._own: set[str] = set()
-        self._states: set[bytes] = set()
+        self._states: deque[bytes] = deque(maxlen=_MOST)
 
     def __contains__(self, path: Path) -> bool:
         return _real(path) in self._own
@@ -36,7 +39,7 @@ class SavedFiles:
     def know(self, hypermap: Hypermap) -> None:
         """Remember a map that the node goes on with, or has saved, to tell edited copies of it."""
         if (state := _state_of(hypermap)) is not None:
-            self._states.add(state)
+            self._states.append(state)
 
     def forget(self) -> None:
         """Let no map be an edited copy, as once the live map was cleared."""
