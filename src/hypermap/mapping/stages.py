@@ -178,7 +178,7 @@ class EvidenceConfig:
     tolerance: float = 0.15
     gone_loss: float = 1.0
     stale_loss: float = 7.0
-    stale_miss: float = 3.7
+    stale_miss: float = 3.0
     moves: bool = True
     contested: float = 0.5
     min_contested: float = 0.2
