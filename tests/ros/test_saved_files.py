@@ -87,11 +87,9 @@ def test_what_people_edit_in_the_file_of_a_live_map_stays(node: Node, file: Path
     assert renamed.attributes["evidence"] == 16, "and mapping goes on"
     assert renamed.attributes["by_hand"] == ["name"]
     assert f"info: {file} was edited; mapping goes on with the edits" in node.lines
-    assert [one.cause for one in open_map(file).history.revisions()] == [  # type: ignore[union-attr]
-        "mapping",
-        "edit",
-        "mapping",
-    ]
+    history = open_map(file).history
+    assert history is not None
+    assert [one.cause for one in history.revisions()] == ["mapping", "edit", "mapping"]
 
 
 def test_edits_one_after_the_other_stay_and_can_be_taken_back(node: Node, file: Path) -> None:
@@ -138,7 +136,9 @@ def test_layers_and_frames_that_others_add_to_the_file_stay(node: Node, file: Pa
     node.show(20)
     node.save()
     saved = open_map(file)
-    assert [item.name for item in saved["zones"].objects()] == ["no entry"]  # type: ignore[attr-defined]
+    zones = saved["zones"]
+    assert isinstance(zones, SemanticLayer)
+    assert [item.name for item in zones.objects()] == ["no entry"]
     assert saved.metadata["building"] == "west"
     assert saved.metadata["frames"]["used"] == 16
 
