@@ -119,9 +119,34 @@ def test_a_drive_that_shares_too_little_is_mapped_with_a_word(caplog):
 
 @pytest.mark.parametrize("count", [3, None])
 def test_a_drive_that_has_no_floor_in_common_with_the_map_is_refused(count):
-    why = "does not fit the map: the two have no floor in common; is it another place, or are its"
-    with pytest.raises(OtherPlace, match=why):
+    why = r"does not fit the map: the two have no floor in common, and are 4\d.\d m apart; is it"
+    way = ".* If it is another part of the same place, in the frame of the map, --same-place maps"
+    with pytest.raises(OtherPlace, match=why + way):
         mapped(NextDay(Pose2D(50.0, 0.0, 0.0), count), first_day())
+
+
+def test_a_drive_through_the_next_room_is_mapped_with_a_word(caplog):
+    caplog.set_level(logging.WARNING)
+    shift = 7.6  # the room is 7 m wide, and what is seen through its door is in no other frame
+    check = PlaceCheck(first_day(), profile("default").occupancy)
+    mapper = Mapper(profile("default"), None)
+    mapper.place = check
+    for frame in NextDay(Pose2D(shift, 0.0, 0.0)).frames():
+        mapper.add(frame)
+    check.check("tuesday", is_last=True)
+    assert 0 < check.likeness.gap < 0.5
+    assert "could not check whether tuesday" in caplog.text
+
+
+def test_a_drive_that_begins_where_the_map_does_and_looks_the_other_way_is_of_the_same_place():
+    """No camera sees the floor at its own feet, so that nothing that they see is the same."""
+    before = Mapper(profile("default"), None, drive="day")
+    for frame in drive()[:3]:
+        before.add(frame)
+    here = Pose2D(*drive()[0].map_T_camera[:2, 3])
+    turned = NextDay(here @ Pose2D(yaw=np.pi) @ here.inverse(), count=3)
+    made = mapped(turned, before.hypermap(), has_objects=False)
+    assert made.metadata["frames"]["used"] == 6
 
 
 def test_a_drive_may_come_to_the_known_floor_at_its_end():

@@ -111,7 +111,9 @@ def map_recording(
         mapper.perceive = ahead.perceive
         ahead.begin(mapper)
     if onto is not None and not same_place:
-        mapper.place = PlaceCheck(onto, mapper.config.occupancy, mapper.occupancy().name)
+        cameras_xy = mapper.logged_poses()[1][:, :2, 3]
+        layer = mapper.occupancy().name
+        mapper.place = PlaceCheck(onto, mapper.config.occupancy, layer, cameras_xy)
     if prepare is not None:
         prepare(mapper)
     preflight = preflight or Preflight(max_depth=config.perception.max_depth)

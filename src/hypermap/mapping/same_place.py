@@ -3,7 +3,8 @@
 A drive through another place, or one whose poses are in another frame, would spoil the map. What
 the drive shows by itself is therefore compared with the map before it: walls with walls, as far as
 both know the area, and each sighting of an object with the objects of that name. If a drive has no
-floor in common with the map, its poses are most probably in another frame.
+floor in common with the map, and is not next to it either, its poses are most probably in another
+frame.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -31,6 +33,7 @@ _FEWEST = 8  # frames that can tell; by two alone, 8 of 143 honest drives throug
 _NEAR = 0.3  # [m] up to which a sighting is of an object of that name
 _LEAST_WALL, _LEAST_SIGHTINGS = 4.0, 15  # [m] of walls and number of sightings that can tell
 _FEW_SIGHTINGS = 5  # tell something if none of them is near
+_BESIDE = 0.5  # [m] from the map up to which a drive is next to it, as across a wall
 # Shares of walls, beyond chance, and of sightings. On simulated drives a day apart through six
 # worlds, with errors up to harsh, the walls of one place agreed by 0.44 and more, and the sightings
 # by 0.54 and more, from 16 frames on. Of 120 drives through other places 118 are told
@@ -64,7 +67,8 @@ class Likeness:
         sightings: how many sightings of objects could agree: in the area that the map knows, of a
             name that it has.
         near: how many of these are near an object of that name.
-        is_apart: whether both have no floor in common, so that nothing can agree.
+        gap: between the two, if they have no floor in common, so that nothing can agree; else 0
+            [m]. Where the camera was is floor, too.
     """
 
     wall: float
@@ -72,7 +76,12 @@ class Likeness:
     telling: float
     sightings: int
     near: int
-    is_apart: bool = False
+    gap: float = 0.0
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether the drive is not even next to the map, as in another room of the same place."""
+        return self.gap > _BESIDE
 
     @property
     def walls_tell(self) -> bool:
@@ -114,7 +123,7 @@ class Likeness:
     def sentence(self) -> str:
         """Return it in words."""
         if self.is_apart:
-            return "the two have no floor in common"
+            return f"the two have no floor in common, and are {self.gap:.1f} m apart"
         share = max(self.agree, 0)
         walls = f"{share:.0%} of {self.wall:.0f} m of walls agree beyond chance"
         if not self.sightings:
@@ -133,17 +142,26 @@ class PlaceCheck:
         remedy: what messages advise where the poses are in another frame.
     """
 
-    def __init__(self, before: Hypermap, config: OccupancyConfig, layer: str = "occupancy") -> None:
+    def __init__(
+        self,
+        before: Hypermap,
+        config: OccupancyConfig,
+        layer: str = "occupancy",
+        cameras_xy: FloatArray | None = None,
+    ) -> None:
         """Prepare it.
 
         Args:
             before: the map before the drive.
             config: how the cells that frames show are found.
             layer: name of the occupancy layer that is continued; there may be others.
+            cameras_xy: where its frames were taken, as far as that is known [m], shape (N, 2).
         """
         self.likeness: Likeness | None = None
         self.remedy = _REMEDY
         self._before, self._layer = before, layer
+        self._cameras_before = np.empty((0, 2)) if cameras_xy is None else cameras_xy
+        self._cameras: list[FloatArray] = []  # of the drive
         self._own = OccupancyMapper(config)
         self._frames, self._next = 0, _FIRST_LOOK
         self._sightings = self._near = 0
@@ -166,7 +184,13 @@ class PlaceCheck:
         likeness = self.compare() if is_last and not self._is_one_place else self.likeness
         finding = self.finding(drive, is_last)
         if finding and (is_last or self._doubt == "differs"):
-            raise OtherPlace(f"{finding} Then {self.remedy}; --same-place maps it anyway")
+            way_out = f"Then {self.remedy}; --same-place maps it anyway"
+            if self._doubt == "apart":
+                way_out = (
+                    "If it is another part of the same place, in the frame of the map, "
+                    f"--same-place maps it; otherwise {self.remedy}"
+                )
+            raise OtherPlace(f"{finding} {way_out}")
         if is_last and self._frames and not (likeness is not None and likeness.fits):
             unsure = self._unsure(drive)
             _log.warning("%s; if its poses are in another frame, %s", unsure, self.remedy)
@@ -217,6 +241,7 @@ class PlaceCheck:
             self._own.change_by(seen)()
         except HypermapError:  # the map itself grows too large, too, and says so
             return
+        self._cameras.append(frame.map_T_camera[:2, 3])
         for item in perceived.observation.objects:
             known = self._objects.get(item.name)
             if known is not None and self._is_known(item.footprint.centroid):
@@ -246,13 +271,22 @@ class PlaceCheck:
         wall, same, by_chance, known = total.tolist()
         more, most = same - by_chance, wall - by_chance
         share = more / most if most > 0 else 0.0
-        self.likeness = Likeness(wall, share, most, self._sightings, self._near, not known)
+        gap = 0.0 if known else self._gap(drive)
+        self.likeness = Likeness(wall, share, most, self._sightings, self._near, gap)
         return self.likeness
+
+    def _gap(self, drive: Scan) -> float:
+        """Return the distance between the floor of the drive so far and that of the map [m]."""
+        assert self._scan is not None
+        before = np.concatenate([self._scan.known_xy, self._cameras_before])
+        now = np.concatenate([drive.known_xy, np.reshape(self._cameras, (-1, 2))])
+        return float(np.min(scipy.spatial.KDTree(before).query(now)[0]))
 
     def begin_again(self) -> None:
         """Forget the drive so far, as after its poses were corrected."""
         self.likeness = None
         self._own = OccupancyMapper(self._own.config)
+        self._cameras = []
         self._frames, self._next = 0, _FIRST_LOOK
         self._sightings = self._near = self._doubted = 0
 

@@ -318,7 +318,9 @@ class LiveMap:
                 "leave out map_topic"
             )
         self._makes_occupancy = mapper.makes_occupancy
-        mapper.place = PlaceCheck(onto, mapper.config.occupancy, mapper.occupancy().name)
+        cameras_xy = mapper.logged_poses()[1][:, :2, 3]
+        layer = mapper.occupancy().name
+        mapper.place = PlaceCheck(onto, mapper.config.occupancy, layer, cameras_xy)
         return mapper
 
 
