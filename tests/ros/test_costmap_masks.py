@@ -18,7 +18,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.ros.server.costmap_masks import CostmapMasks
-from hypermap.ros.typestore import CdrTypes, decode, encode
+from hypermap.ros.typestore import decode, encode, message_class, stamp
 from hypermap.testing.builders import occupancy_from_text, square
 
 from .conftest import wait_for
@@ -46,8 +46,11 @@ def office() -> Hypermap:
 
 
 @dataclass
-class Topics(CdrTypes):
+class Topics:
     """A port that keeps what is published, after it has been through CDR."""
+
+    message = staticmethod(message_class)
+    stamp = staticmethod(stamp)
 
     node_name: str = "/hypermap_server"
     without: str = ""

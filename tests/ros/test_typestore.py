@@ -11,13 +11,13 @@ from rosbags.typesys import get_types_from_msg
 from hypermap.core.errors import HypermapError
 from hypermap.ros.definitions import package_folder
 from hypermap.ros.typestore import (
-    CdrTypes,
     decode,
     definition,
     encode,
     message_class,
     request_class,
     response_class,
+    stamp,
     typestore,
 )
 
@@ -108,7 +108,7 @@ def test_what_was_decoded_can_be_filled_and_sent_again():
 def test_the_bytes_are_those_of_cdr():
     update = message_class("map_msgs/OccupancyGridUpdate")(x=1, y=-2, width=2, height=1)
     update.header.frame_id = "map"
-    update.header.stamp = CdrTypes().stamp(3_000_000_004)
+    update.header.stamp = stamp(3_000_000_004)
     update.data = [100, -1]
     # Little endian; a text has its length with its final 0; numbers lie at multiples of their size.
     assert encode(update).hex(" ", -4) == (

@@ -123,18 +123,6 @@ def stamp(nanoseconds: int) -> Any:
     return message_class("builtin_interfaces/Time")(sec=seconds, nanosec=rest)
 
 
-class CdrTypes:
-    """The types, as conversions take them; a Port is one as well."""
-
-    def message(self, type_name: str) -> type[Any]:
-        """Return the class of a message."""
-        return message_class(type_name)
-
-    def stamp(self, nanoseconds: int) -> Any:
-        """Return a time as messages carry it."""
-        return stamp(nanoseconds)
-
-
 def encode(message: Any) -> bytes:
     """Return a message as CDR, byte for byte as ROS 2 sends it.
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.errors import LayerNotFound
 from hypermap.core.history import MAP_ID
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
@@ -388,15 +387,3 @@ def _read_semantic(
     )
     filled.kept_pictures = rows.pictures_of(pictures)
     return filled
-
-
-def layer_id_of(database: Database, site_id: int, layer: str) -> int:
-    """Return the id of a layer of a site.
-
-    Raises:
-        LayerNotFound: If there is none of that name.
-    """
-    ids = ids_of_layers(database, site_id)
-    if layer not in ids:
-        raise LayerNotFound(layer, ids)
-    return ids[layer]
