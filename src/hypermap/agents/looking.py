@@ -36,7 +36,7 @@ from hypermap.questions.query import MOST_LETTERS, Condition, Query, Reference, 
 from hypermap.questions.query_json import parse_moment
 from hypermap.questions.taxonomy import load_taxonomy
 from hypermap.rooms.questions import room_called, rooms_asked, rooms_at
-from hypermap.rooms.rooms import Rooms, rooms_on
+from hypermap.rooms.rooms import Rooms, known_rooms, rooms_on
 from hypermap.text import counted
 
 _MOST_OBJECTS = 100
@@ -381,10 +381,7 @@ class Looking:
 
     def _rooms(self) -> tuple[Hypermap, Rooms]:
         hypermap = self._current()
-        rooms = rooms_on(hypermap)
-        if rooms is None:
-            raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
-        return hypermap, rooms
+        return hypermap, known_rooms(hypermap)
 
     def _objects(self, answered: tuple[Hypermap, Answer], limit: int) -> dict[str, Any]:
         hypermap, answer = answered

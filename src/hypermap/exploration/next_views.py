@@ -15,13 +15,12 @@ from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.core.evidence import EvidenceTable, is_one_sided
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
-from hypermap.core.hypermap import FoundObject, Hypermap
+from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.exploration.sensor import Sensor
 from hypermap.exploration.visibility import CLEAR, MOST_CELLS, WALL, Visibility
 from hypermap.paths import Planner
 from hypermap.paths.settings import STAND_OFF
-from hypermap.rooms.rooms import LAYER
 
 _FARTHEST = 2.5  # meters from an object; a depth camera measures shapes badly from farther away
 _NEW_SIDE = math.radians(30)  # around the object from the earlier views; less is the same side
@@ -129,7 +128,7 @@ class _Uncertain:
 
 def _uncertain_objects(hypermap: Hypermap, sure_from: float) -> Iterator[_Uncertain]:
     for layer in hypermap:
-        if not isinstance(layer, SemanticLayer) or layer.name == LAYER:
+        if not isinstance(layer, SemanticLayer) or layer.name == ROOMS:
             continue
         base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
         cameras = _cameras(layer.evidence())

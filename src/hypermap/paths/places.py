@@ -7,9 +7,9 @@ from typing import TypeAlias
 
 from hypermap.core.arrays import PointsLike
 from hypermap.core.errors import HypermapError, did_you_mean
-from hypermap.core.hypermap import FoundObject, Hypermap
+from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.rooms.questions import room_called
-from hypermap.rooms.rooms import LAYER, Room, rooms_on
+from hypermap.rooms.rooms import Room, rooms_on
 
 Place: TypeAlias = str | int | PointsLike
 """A point [m], a room's name, an object's id, its name, or both as "cup 3"."""
@@ -36,7 +36,7 @@ class Places:
     def objects(self, layer: str | None = None) -> list[FoundObject]:
         """Return the objects of a layer; None for those of all but that of the rooms."""
         found = self._hypermap.objects(layer=layer)
-        return [item for item in found if layer is not None or item.layer != LAYER]
+        return [item for item in found if layer is not None or item.layer != ROOMS]
 
     def room(self, what: Place) -> Room | None:
         """Return the room of a name or id; None if it is not a room's name.

@@ -12,7 +12,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.paths.find import NoPath, distances, find_path
 from hypermap.paths.free_space import FreeSpace
 from hypermap.paths.planner import Planner
-from hypermap.rooms.rooms import Door, Room
+from hypermap.rooms.rooms import NO_ROOMS, Door, Room
 
 _AROUND = 0.5  # [m] how far a path in a room may leave its outline, as in doors
 _DECIMALS = 3  # of a meter; closer turns are merged
@@ -57,7 +57,7 @@ def route_graph(planner: Planner) -> RouteGraph:
     """
     rooms = planner.places.rooms
     if rooms is None:
-        raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
+        raise HypermapError(NO_ROOMS)
     space, graph = planner.space, _Growing()
     passable: list[tuple[Door, NDArray[np.float64]]] = []
     too_narrow = []

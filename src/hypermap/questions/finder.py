@@ -34,7 +34,7 @@ from hypermap.questions.relations import (
 from hypermap.questions.taxonomy import Taxonomy
 from hypermap.rooms.kinds import rooms_of_points
 from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
-from hypermap.rooms.rooms import Room, Rooms, rooms_on
+from hypermap.rooms.rooms import Room, Rooms, known_rooms, rooms_on
 from hypermap.text import printable
 
 if TYPE_CHECKING:
@@ -208,10 +208,7 @@ class Finder:
     @cached_property
     def rooms(self) -> Rooms:
         """The rooms of the map; raises HypermapError if it has none."""
-        rooms = rooms_on(self._hypermap)
-        if rooms is None:
-            raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
-        return rooms
+        return known_rooms(self._hypermap)
 
     def check_rooms(self) -> None:
         """Raise a HypermapError if the map has no rooms."""

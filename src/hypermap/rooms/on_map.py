@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.hypermap import Hypermap
+from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.rooms.find import find_rooms
 from hypermap.rooms.kinds import Kinds
-from hypermap.rooms.rooms import LAYER, Rooms
+from hypermap.rooms.rooms import Rooms
 from hypermap.rooms.settings import RoomSettings
 
 
@@ -39,7 +39,7 @@ def rooms_of_map(
     grid = hypermap.occupancy(occupancy)
     objects: list[SemanticObject] = []
     for layer in hypermap:
-        if isinstance(layer, SemanticLayer) and layer.name != LAYER:
+        if isinstance(layer, SemanticLayer) and layer.name != ROOMS:
             pose = hypermap.frames.lookup(grid.frame_id, layer.frame_id)
             objects += [
                 replace(item, footprint=pose.apply_geometry(item.footprint)) for item in layer
@@ -59,11 +59,11 @@ def with_rooms(hypermap: Hypermap, rooms: Rooms) -> Hypermap:
 
 
 def _previous(hypermap: Hypermap) -> SemanticLayer | None:
-    if LAYER not in hypermap:
+    if ROOMS not in hypermap:
         return None
-    layer = hypermap[LAYER]
+    layer = hypermap[ROOMS]
     if not isinstance(layer, SemanticLayer):
         raise HypermapError(
-            f"layer {LAYER!r} is a {layer.class_name}, so rooms cannot be stored in it; rename it"
+            f"layer {ROOMS!r} is a {layer.class_name}, so rooms cannot be stored in it; rename it"
         )
     return layer

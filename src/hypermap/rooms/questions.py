@@ -13,7 +13,7 @@ from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import FoundObject, Hypermap
 from hypermap.rooms.kinds import rooms_of_points
 from hypermap.rooms.room_graph import graph
-from hypermap.rooms.rooms import Room, Rooms, rooms_on
+from hypermap.rooms.rooms import Room, Rooms, known_rooms, rooms_on
 
 
 def rooms_called(rooms: Rooms, what: str) -> list[Room]:
@@ -49,7 +49,7 @@ def rooms_asked(hypermap: Hypermap, what: str) -> list[Room]:
         HypermapError: If there are none, the map has no rooms, or several rooms have that name,
             which is not a kind.
     """
-    rooms = _rooms_on(hypermap)
+    rooms = known_rooms(hypermap)
     found = _all_called(rooms, what)
     if not found:
         raise _no_room(rooms, what)
@@ -76,7 +76,7 @@ def room_of(hypermap: Hypermap, what: FoundObject | PointsLike) -> Room | None:
         HypermapError: If the map has no rooms.
     """
     point = what.point_xy if isinstance(what, FoundObject) else what
-    return rooms_at(_rooms_on(hypermap), point)[0]
+    return rooms_at(known_rooms(hypermap), point)[0]
 
 
 def stand_in_rooms(hypermap: Hypermap, what: str, points_xy: PointsLike) -> BoolArray | None:
@@ -105,7 +105,7 @@ def rooms_with(hypermap: Hypermap, names: str | Iterable[str]) -> list[Room]:
     Raises:
         HypermapError: If the map has no rooms.
     """
-    rooms = _rooms_on(hypermap)
+    rooms = known_rooms(hypermap)
     found: Sequence[FoundObject] = hypermap.objects(names)
     there = {room.id for room in rooms_at(rooms, [item.point_xy for item in found]) if room}
     return [room for room in rooms if room.id in there]
@@ -128,7 +128,7 @@ def is_reachable(hypermap: Hypermap, start: str, goal: str, robot_radius: float 
     """
     if not 0 <= robot_radius < math.inf:
         raise HypermapError(f"a robot's radius is 0 or more meters, got {robot_radius}")
-    rooms = _rooms_on(hypermap)
+    rooms = known_rooms(hypermap)
     ids = []
     for what in (start, goal):
         room = room_called(rooms, what)
@@ -149,10 +149,3 @@ def _all_called(rooms: Rooms, what: str) -> list[Room]:
 def _no_room(rooms: Rooms, what: str) -> HypermapError:
     known = dict.fromkeys([*(r.name for r in rooms), *(r.kind for r in rooms if r.kind)])
     return HypermapError(f"there is no room or kind of room {what!r}; {did_you_mean(what, known)}")
-
-
-def _rooms_on(hypermap: Hypermap) -> Rooms:
-    rooms = rooms_on(hypermap)
-    if rooms is None:
-        raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
-    return rooms

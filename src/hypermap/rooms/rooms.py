@@ -18,10 +18,10 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 
-LAYER = ROOMS
 _GIVEN = "automatic_name"  # which a room had from us; another name was given by hand
 DOORS = "doors"
 """The attribute of a room that holds its doors."""
+NO_ROOMS = "the map has no rooms; `hypermap rooms MAP -o OUT` finds them"
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class Rooms:
             raise HypermapError(f"there is no room {what!r}; {hint}")
         raise HypermapError(f"there is no room with the id {what}")
 
-    def layer(self, name: str = LAYER) -> SemanticLayer:
+    def layer(self, name: str = ROOMS) -> SemanticLayer:
         """Return the rooms as a semantic layer, whose objects have the rooms' ids and names.
 
         A room's kind is its tag, with its confidence. Doors are stored with the room of the lower
@@ -239,11 +239,23 @@ def rooms_on(hypermap: Hypermap) -> Rooms | None:
     Raises:
         HypermapError: If the doors of a room cannot be read.
     """
-    if LAYER not in hypermap or not isinstance(hypermap[LAYER], SemanticLayer):
+    if ROOMS not in hypermap or not isinstance(hypermap[ROOMS], SemanticLayer):
         return None
-    layer = hypermap.semantic(LAYER)
+    layer = hypermap.semantic(ROOMS)
     pose = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
     return Rooms.of_layer(layer).moved(pose, hypermap.base_frame)
+
+
+def known_rooms(hypermap: Hypermap) -> Rooms:
+    """Return the same as `rooms_on`, for what needs rooms.
+
+    Raises:
+        HypermapError: If the map has none, or the doors of a room cannot be read.
+    """
+    rooms = rooms_on(hypermap)
+    if rooms is None:
+        raise HypermapError(NO_ROOMS)
+    return rooms
 
 
 def door_order(door: Door) -> tuple[tuple[int, int], tuple[float, ...]]:
