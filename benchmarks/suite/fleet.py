@@ -292,7 +292,7 @@ def _observations(address: str, settings: Settings) -> Figure:
     """Return how many observations a second are taken in, of robots on sites of their own."""
     from hypermap.fleet.store.address import parse_address
     from hypermap.fleet.store.database import Database
-    from hypermap.fleet.store.spool import deliver
+    from hypermap.fleet.store.delivery import deliver
 
     rounds = 2 if settings.quick else 5
 

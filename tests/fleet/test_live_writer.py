@@ -22,11 +22,12 @@ from hypermap.core.evidence import EvidenceTable
 from hypermap.fleet.store import followers
 from hypermap.fleet.store.address import parse_address
 from hypermap.fleet.store.database import Database
+from hypermap.fleet.store.delivery import Delivery, deliver
 from hypermap.fleet.store.followers import follow
 from hypermap.fleet.store.live_writer import Changes, LiveWriter
 from hypermap.fleet.store.observed import MOST_EVIDENCE, Observed, apply_observed
 from hypermap.fleet.store.pushing import pull, push
-from hypermap.fleet.store.spool import Delivery, Spool, deliver
+from hypermap.fleet.store.spool import Spool
 from hypermap.fleet.store.thinning import DAY, thin
 from hypermap.fleet.store.updates import Update, apply
 from hypermap.testing import assert_same_objects, square
@@ -257,7 +258,7 @@ def test_an_error_of_a_library_does_not_end_the_delivery_in_silence(
 
     push(database, Hypermap([SemanticLayer("semantic", "map")]), site)
     with monkeypatch.context() as broken:
-        broken.setattr("hypermap.fleet.store.spool.deliver", fail)
+        broken.setattr("hypermap.fleet.store.delivery.deliver", fail)
         delivery = Delivery(spool, parse_address(store), troubles.append)
         wait_until(lambda: bool(troubles))
     assert troubles == [f"RuntimeError: of a library; observations wait in {spool.path}"]
@@ -395,7 +396,7 @@ def test_what_a_library_fails_at_again_and_again_is_set_aside(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("hypermap.fleet.store.spool._PATIENCE", 0.0)
+    monkeypatch.setattr("hypermap.fleet.store.delivery._PATIENCE", 0.0)
     right = deliver
 
     def fail(database: Database, observed: Observed) -> None:
@@ -403,7 +404,7 @@ def test_what_a_library_fails_at_again_and_again_is_set_aside(
             raise RuntimeError("of a library")
         right(database, observed)
 
-    monkeypatch.setattr("hypermap.fleet.store.spool.deliver", fail)
+    monkeypatch.setattr("hypermap.fleet.store.delivery.deliver", fail)
     spool, troubles = Spool(tmp_path / "spool"), []
     spool.put(Observed(site, "semantic", "anna", [square("bad", 0, 0, id=1)]))
     spool.put(Observed(site, "semantic", "anna", [square("cup", 3, 0, id=2)]))

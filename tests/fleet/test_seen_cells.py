@@ -14,11 +14,12 @@ from hypermap.core.frames import Pose2D
 from hypermap.fleet.store import rows
 from hypermap.fleet.store.address import StoreError
 from hypermap.fleet.store.database import Database
+from hypermap.fleet.store.delivery import deliver
 from hypermap.fleet.store.live_writer import Changes
 from hypermap.fleet.store.observed import Observed, apply_observed
 from hypermap.fleet.store.pushing import pull, push
 from hypermap.fleet.store.seen_cells import NO_NEWS, ChangedCells, changed_cells
-from hypermap.fleet.store.spool import Spool, deliver
+from hypermap.fleet.store.spool import Spool
 
 pytestmark = pytest.mark.xdist_group("store")
 

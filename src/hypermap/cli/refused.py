@@ -97,7 +97,7 @@ def _resend(spool: Spool, chosen: list[Refused], store: str) -> None:
 
 def _is_sent(spool: Spool, part: Refused, database: Database) -> bool:
     from hypermap.fleet.store.address import StoreAway
-    from hypermap.fleet.store.spool import deliver
+    from hypermap.fleet.store.delivery import deliver
 
     try:
         deliver(database, spool.observed(part))

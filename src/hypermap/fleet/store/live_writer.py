@@ -15,9 +15,10 @@ from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.fleet.store.address import Address, StoreError
+from hypermap.fleet.store.delivery import Delivery
 from hypermap.fleet.store.observed import Observed
 from hypermap.fleet.store.seen_cells import changed_cells
-from hypermap.fleet.store.spool import MOST_REFUSED_MB, Delivery, Spool
+from hypermap.fleet.store.spool import MOST_REFUSED_MB, Spool
 
 _EVERY = 1.0  # s
 
