@@ -379,9 +379,10 @@ def test_what_is_never_seen_again_is_forgotten(config: EvidenceConfig) -> None:
 @pytest.mark.parametrize(
     "point",
     [
-        "evidence._fuse",
-        "evidence._associate",
-        "evidence._count_co_occurrences",
+        "ChangingTracks.refresh_shape",
+        "FrameUpdate._add",
+        "FrameUpdate._merge",
+        "FrameUpdate._count_co_occurrences",
         "penalize_missed",
         "prune",
     ],
@@ -397,8 +398,9 @@ def test_an_update_that_fails_leaves_all_as_it_was(
         evidence.update(observation)
         undisturbed.update(observation)
     left = calls
-    owner = evidence if point.startswith("evidence.") else evidence_module
-    work = getattr(owner, point.removeprefix("evidence."))
+    *owners, name = point.split(".")
+    owner = getattr(evidence_module, owners[0]) if owners else evidence_module
+    work = getattr(owner, name)
 
     def failing(*given: object) -> object:
         nonlocal left
@@ -411,7 +413,7 @@ def test_an_update_that_fails_leaves_all_as_it_was(
     more = seen(square(4.7, side=4), square(20), square(0.1), shapely.LineString([(0, 0), (1, 1)]))
     is_done = True
     with monkeypatch.context() as patched:
-        patched.setattr(owner, point.removeprefix("evidence."), failing)
+        patched.setattr(owner, name, failing)
         try:
             evidence.update(more)
         except MemoryError:
@@ -446,15 +448,15 @@ def test_a_merge_that_fails_leaves_the_neighbors_as_they_were(
     left, right, whole = shapely.box(0, 0, 1, 1), shapely.box(1, 0, 2, 1), shapely.box(0, 0, 2, 1)
     neighbor = square(3.5)
     evidence.update(seen(left, right, neighbor))
-    before = [dict(track.co_occurrences) for track in evidence._tracks.objects]
+    before = [dict(track.co_occurrences) for track in evidence._tracks.table.objects]
     assert before == [{1: 1, 2: 1}, {0: 1, 2: 1}, {0: 1, 1: 1}]
     with monkeypatch.context() as patched:
         patched.delattr(evidence_module, "penalize_missed")
         with pytest.raises(NameError):
             evidence.update(seen(whole))
-    assert [dict(track.co_occurrences) for track in evidence._tracks.objects] == before
+    assert [dict(track.co_occurrences) for track in evidence._tracks.table.objects] == before
     evidence.update(seen(whole))
-    after = {track.id: dict(track.co_occurrences) for track in evidence._tracks.objects}
+    after = {track.id: dict(track.co_occurrences) for track in evidence._tracks.table.objects}
     assert after == {0: {2: 2}, 2: {0: 2}}
 
 
@@ -500,7 +502,7 @@ def test_what_is_forgotten_leaves_nothing_behind() -> None:
     evidence = EvidenceMap(dataclasses.replace(published_all(DEFAULT), loss=10.0))
     for i in range(30):
         evidence.update(seen(square(-2), square(2, 2 * (i % 3) - 2)))
-    stays, last = evidence._tracks.objects
+    stays, last = evidence._tracks.table.objects
     assert stays.co_occurrences == {last.id: 1}
 
 
