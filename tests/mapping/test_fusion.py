@@ -14,10 +14,11 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.footprint_alignment import align_footprints
 from hypermap.mapping.fusion import best_shape, convex_hull, votes
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.votes import _add_steps, _align, agreed_corners
+from hypermap.mapping.votes import _add_steps, agreed_corners
 
 CONFIG = EvidenceConfig()
 EVERYWHERE = shapely.box(-100, -100, 100, 100)
@@ -275,7 +276,7 @@ def aligning_moves(
 ) -> np.ndarray:
     moves, order = np.zeros(centroids.shape), np.empty(len(areas), np.int64)
     weights = np.ones(len(areas)) if weights is None else weights
-    _align(areas[:, np.newaxis], 0, centroids, weights, 0.1, order, moves)
+    align_footprints(areas[:, np.newaxis], 0, centroids, weights, 0.1, order, moves)
     return moves
 
 

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray
 from hypermap.mapping.evidence_buffer import EvidenceBuffer
+from hypermap.mapping.footprint_alignment import shows_whole
 from hypermap.mapping.map_bend import bend_of_map
-from hypermap.mapping.votes import shows_whole
 
 _NOISE = 0.02  # standard deviation of the centroid of a footprint [m], plus ...
 _NOISE_SHARE = 0.05  # ... as a share of the object's size
