@@ -17,9 +17,9 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import FREE, OCCUPIED, OccupancyLayer
 from hypermap.core.trajectory import trajectory_of
 from hypermap.evaluation.metrics import evaluate
+from hypermap.mapping.agreement import Agreement
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig, profile
-from hypermap.mapping.consistency import Agreement
 from hypermap.mapping.evidence_buffer import Evidence
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.recording_to_map import map_recording

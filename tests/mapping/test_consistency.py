@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hypermap.core.trajectory import compose, pose_from_rpy
-from hypermap.mapping.consistency import Agreement, Consistency, PoseReading, now_worse
+from hypermap.mapping.agreement import Agreement, now_worse
+from hypermap.mapping.consistency import Consistency, PoseReading
 from hypermap.perception.frame import Camera, RgbdFrame
 
 CAMERA = Camera.from_intrinsics(80, 80, 39.5, 29.5, 80, 60)

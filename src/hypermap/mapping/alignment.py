@@ -21,7 +21,7 @@ import scipy
 from numpy.typing import NDArray
 
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.mapping.consistency import Agreement
+from hypermap.mapping.agreement import Agreement
 from hypermap.mapping.corrections import (
     FEW_POINTS,
     LESS_AGREEMENT,

@@ -14,37 +14,32 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import IntArray
-from hypermap.core.trajectory import invert, trajectory_of
-from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.core.trajectory import trajectory_of
+from hypermap.mapping.depth_views import (
+    Comparison,
+    DepthView,
+    displacements,
+    overlapping_pairs,
+    poses_of,
+    relative_moves,
+    view_of,
+)
+from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.pose_convention import CONVENTIONS, OPTICAL, optical_poses
 
-_COLUMNS = 80  # of a kept image, about
-_NEAR, _FAR = 0.2, 6.0  # meters between which depth is compared
-_SMOOTH = 0.02  # 1/m; a larger difference in disparity between two pixels is a depth edge
 _MOST_VIEWS = 48  # kept; then every other view is dropped, and only every other one added
 _MOST_POSES = 20_000  # after which frames are ignored
-_PAIRS = 40  # of images to compare
-_POINTS = 120  # per image
 _FEWEST_VIEWS, _FEWEST_PAIRS = 8, 6
-_OVERLAP = math.cos(math.radians(30))  # least cosine between two viewing directions
-_APART = 1.5  # meters between two cameras, at most
-_LEAST_SEEN = 0.4  # share of the points that the other image must show
 _MAX_GAP = 0.5  # seconds; poses are not interpolated across a larger gap
-_CAP = 0.03  # 1/m; a larger difference in disparity is an occlusion or a moving object
-_RATIO_CAP = 0.1  # the same as a share of the depth
 _WORST = 0.8  # mean difference over its cap, above which images do not agree
 _CLEARLY = 0.7  # another reading of the poses must reduce the mean difference to this share
 _TELLING_MOVE, _TELLING_ANGLE = 0.3, 0.15  # meters and rad between images whose poses are read
-_JUDGED_EVERY = 12  # frames
-_SURE_GAIN = 2.0  # standard errors; from such a gain or loss, a verdict is sure
 _SURE = 3.0  # standard errors by which the mean difference must be smaller
 _LEAST_GAIN = 0.02  # of the difference over its cap; less is rounding, as of a camera at rest
 _OFFSETS = np.linspace(-0.78, 0.78, 27)  # seconds
 _REACH = 0.9  # seconds before and after an image for which poses must be known
 _FINE_OFFSETS = np.linspace(-0.04, 0.04, 5)
 _TRIED = 0.1  # seconds by which poses are shifted to find the pairs that depend on time
-_LEVER = 2.0  # meters in front of the camera; the point whose motion is reported
 _SCALES = 11.0 ** np.linspace(-1.0, 1.0, 25)
 _FINE_SCALES = np.linspace(0.85, 1.15, 7)
 
@@ -78,22 +73,11 @@ class PoseReading:
     turn_deg: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    """Samples of a frame: some of its points [m], shape (N, 3), and its depth, downsampled."""
-
-    stamp: float
-    map_T_camera: NDArray[np.float64]
-    camera: Camera
-    depth: NDArray[np.float32]
-    points: NDArray[np.float64]
-
-
 class Consistency:
     """Collects the poses of all frames and samples of their depth, and compares them."""
 
     def __init__(self) -> None:
-        self._views: list[_View] = []
+        self._views: list[DepthView] = []
         self._stamps: list[float] = []
         self._poses: list[NDArray[np.float64]] = []
         self._every, self._seen = 1, 0
@@ -109,7 +93,7 @@ class Consistency:
         self._seen += 1
         if (self._seen - 1) % self._every:
             return
-        view = self._view(frame)
+        view = view_of(frame, self._rng)
         if view is None or (self._views and view.depth.shape != self._views[0].depth.shape):
             return
         self._views.append(view)
@@ -132,8 +116,10 @@ class Consistency:
         if len(views) < _FEWEST_VIEWS:
             return None
         earlier, later = (trajectory.at(kept[known] + tried) for tried in (-_TRIED, _TRIED))
-        pairs = _pairs(_poses(views), lambda i, j: _moves(earlier, later, i, j))
-        compare = _Comparison(views, *pairs)
+        pairs = overlapping_pairs(
+            poses_of(views), lambda i, j: relative_moves(earlier, later, i, j)
+        )
+        compare = Comparison(views, *pairs)
         fit = _best(
             lambda offset: compare.in_disparity(trajectory.at(kept[known] + offset)),
             _OFFSETS,
@@ -142,7 +128,7 @@ class Consistency:
         )
         if fit is None or not fit.is_sure:
             return fit
-        moves = _displacements(*(trajectory.at(kept[known] + at) for at in (0.0, fit.value)))
+        moves = displacements(*(trajectory.at(kept[known] + at) for at in (0.0, fit.value)))
         return replace(fit, moves=float(np.median(moves)))
 
     def depth_scale(self) -> Fit | None:
@@ -152,10 +138,10 @@ class Consistency:
         """
         if len(self._views) < _FEWEST_VIEWS:
             return None
-        poses = _poses(self._views)
+        poses = poses_of(self._views)
         apart = np.linalg.norm(poses[:, np.newaxis, :3, 3] - poses[:, :3, 3], axis=2)
-        pairs = _pairs(poses, lambda i, j: np.minimum(apart[i, j], 1.0))
-        compare = _Comparison(self._views, *pairs)
+        pairs = overlapping_pairs(poses, lambda i, j: np.minimum(apart[i, j], 1.0))
+        compare = Comparison(self._views, *pairs)
         return _best(
             lambda scale: compare.in_depth(poses, scale),
             _SCALES,
@@ -188,9 +174,11 @@ class Consistency:
         views = [view for view in self._views if view.stamp in others]
         if len(views) < _FEWEST_VIEWS:
             return None
-        own = _poses(views)
+        own = poses_of(views)
         other = np.array([others[view.stamp] for view in views])
-        compare = _Comparison(views, *_pairs(own, lambda i, j: _moves(own, other, i, j)))
+        compare = Comparison(
+            views, *overlapping_pairs(own, lambda i, j: relative_moves(own, other, i, j))
+        )
         costs = np.array([compare.in_disparity(poses) for poses in (own, other)])
         before, after = costs[:, costs.min(axis=0) < _WORST]
         if len(before) < _FEWEST_PAIRS:
@@ -208,7 +196,7 @@ class Consistency:
         """Return how the poses must be read for images to agree; as they are if that is unknown."""
         if len(self._views) < _FEWEST_VIEWS:
             return PoseReading()
-        poses = _poses(self._views)
+        poses = poses_of(self._views)
         quarter = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
         others = {
             PoseReading(turn_deg=90 * k): poses @ np.linalg.matrix_power(quarter, k)
@@ -240,155 +228,10 @@ class Consistency:
         apart = np.linalg.norm(overlap[:, np.newaxis, :3, 3] - overlap[:, :3, 3], axis=2)
         angle = np.arccos(np.clip(overlap[:, :3, 2] @ overlap[:, :3, 2].T, -1, 1))
         odd = np.abs(apart / _TELLING_MOVE - 1) + np.abs(angle / _TELLING_ANGLE - 1)
-        pairs = _pairs(overlap, lambda i, j: -odd[i, j])
+        pairs = overlapping_pairs(overlap, lambda i, j: -odd[i, j])
         if len(pairs[0]) < _FEWEST_PAIRS:
             return None
-        return float(_Comparison(self._views, *pairs).in_disparity(poses).mean())
-
-    def _view(self, frame: RgbdFrame) -> _View | None:
-        """Return samples of a frame; None if too little of it is smooth."""
-        step = max(1, round(frame.camera.width / _COLUMNS))
-        camera, z = frame.camera.every(step), np.ascontiguousarray(frame.z[::step, ::step])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            disparity = np.where((z > _NEAR) & (z < _FAR), 1 / z, np.nan)
-            across = np.abs(np.diff(disparity, axis=1, append=np.nan))
-            down = np.abs(np.diff(disparity, axis=0, append=np.nan))
-            rows, columns = np.nonzero((across < _SMOOTH) & (down < _SMOOTH))  # False for NaN
-        if len(rows) < _POINTS:
-            return None
-        chosen = self._rng.choice(len(rows), _POINTS, replace=False)
-        v, u = rows[chosen], columns[chosen]
-        points = np.asarray(frame.points(step)[v, u], np.float64)
-        return _View(frame.stamp, frame.map_T_camera, camera, z, points)
-
-
-def _poses(views: list[_View]) -> NDArray[np.float64]:
-    """Return `map_T_camera` of views, shape (V, 4, 4)."""
-    return np.array([view.map_T_camera for view in views])
-
-
-def _pairs(
-    poses: NDArray[np.float64], key: Callable[[IntArray, IntArray], NDArray[np.float64]]
-) -> tuple[IntArray, IntArray]:
-    """Return the pairs of overlapping views with the largest keys, as two arrays of shape (P,).
-
-    Args:
-        poses: `map_T_camera` of all views, shape (V, 4, 4).
-        key: returns a number for each pair, shape (P,).
-    """
-    i, j = np.nonzero(~np.eye(len(poses), dtype=bool))
-    same_way = np.sum(poses[i, :3, 2] * poses[j, :3, 2], axis=1) > _OVERLAP
-    is_near = np.linalg.norm(poses[i, :3, 3] - poses[j, :3, 3], axis=1) < _APART
-    i, j = i[same_way & is_near], j[same_way & is_near]
-    best = np.argsort(-key(i, j), kind="stable")[:_PAIRS]
-    return i[best], j[best]
-
-
-def _moves(
-    earlier: NDArray[np.float64], later: NDArray[np.float64], i: IntArray, j: IntArray
-) -> NDArray[np.float64]:
-    """Return how much the pose of view j relative to view i changes between two sets of poses."""
-    change = invert(earlier[j]) @ earlier[i] - invert(later[j]) @ later[i]
-    turn = np.linalg.norm(change[:, :3, :3], axis=(1, 2))
-    return np.asarray(np.linalg.norm(change[:, :3, 3], axis=1) + _LEVER * turn)
-
-
-def _displacements(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far a point in front of each camera moves between two sets of poses [m], (N,)."""
-    ahead = np.array([0.0, 0.0, _LEVER, 1.0])
-    return np.asarray(np.linalg.norm((one @ ahead - other @ ahead)[:, :3], axis=1))
-
-
-class Agreement:
-    """Whether depth images agree less with each other by corrected poses than by the given ones.
-
-    With exact poses, corrections by a distorted map pull images of one place apart. Otherwise,
-    corrections bring them together.
-
-    Attributes:
-        is_worse: whether they agree less, as far as is known.
-    """
-
-    def __init__(self) -> None:
-        self.is_worse = False
-        self._given = Consistency()
-        self._corrected: dict[float, NDArray[np.float64]] = {}
-        self._frames = 0
-
-    def add(self, frame: RgbdFrame, corrected: NDArray[np.float64]) -> None:
-        """Add a frame with its given pose, and the corrected `map_T_camera`, shape (4, 4)."""
-        self._given.add(frame)
-        self._corrected[frame.stamp] = corrected
-        self._frames += 1
-        if self._frames % _JUDGED_EVERY == 0:
-            kept = self._given.stamps
-            self._corrected = {at: pose for at, pose in self._corrected.items() if at in kept}
-            self.is_worse = now_worse(self._given.gain_of(self._corrected), self.is_worse)
-
-
-def now_worse(gain: float | None, was_worse: bool) -> bool:
-    """Return whether depth images agree less by corrected poses.
-
-    A verdict stays until the other is sure: some poses as given and some as corrected, by turns,
-    would put things in two places.
-
-    Args:
-        gain: of `Consistency.gain_of`; None if it is not known.
-        was_worse: the verdict before.
-    """
-    return gain is not None and gain < (_SURE_GAIN if was_worse else -_SURE_GAIN)
-
-
-class _Comparison:
-    """Pairs of views; points of the first are projected into the second."""
-
-    def __init__(self, views: list[_View], i: IntArray, j: IntArray) -> None:
-        self._i, self._j = i, j
-        self._points = np.array([views[k].points for k in i]).reshape(len(i), _POINTS, 3)
-        self._depths = np.array([view.depth for view in views])
-        self._K = views[0].camera.K
-
-    def in_disparity(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean capped difference of each pair, as a share of the cap, 0..1, shape (P,).
-
-        Args:
-            poses: `map_T_camera` of all views, shape (V, 4, 4).
-        """
-        z, there = self._both(poses, 1.0)
-        return self._mean(np.abs(1 / z - 1 / there) / _CAP)  # noise is the same near and far
-
-    def in_depth(self, poses: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-        """Return the same with all depth multiplied by a factor."""
-        z, there = self._both(poses, scale)
-        return self._mean(np.abs(z / there - 1) / _RATIO_CAP)  # which the factor leaves alone
-
-    def _both(
-        self, poses: NDArray[np.float64], scale: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return each point's depth in the second view, and the depth measured there [m], (P, N).
-
-        NaN where the point is not visible.
-        """
-        j_T_i = invert(poses[self._j]) @ poses[self._i]
-        rotations = np.swapaxes(j_T_i[:, :3, :3], 1, 2)
-        moved = scale * self._points @ rotations + j_T_i[:, np.newaxis, :3, 3]
-        K, (height, width) = self._K, self._depths.shape[1:]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            z = np.where(moved[..., 2] > _NEAR * scale, moved[..., 2], np.nan)
-            columns = np.rint(K[0, 0] * moved[..., 0] / z + K[0, 2])
-            rows = np.rint(K[1, 1] * moved[..., 1] / z + K[1, 2])
-            inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-            at = np.where(inside, rows, 0).astype(int), np.where(inside, columns, 0).astype(int)
-            there = scale * self._depths[self._j[:, np.newaxis], at[0], at[1]].astype(np.float64)
-            return z, np.where(inside & (there > 0) & (there < np.inf), there, np.nan)
-
-    @staticmethod
-    def _mean(differences: NDArray[np.float64]) -> NDArray[np.float64]:
-        seen = np.isfinite(differences)
-        total = np.where(seen, np.minimum(differences, 1.0), 0.0).sum(axis=1)
-        counts = seen.sum(axis=1)
-        is_enough = counts >= _LEAST_SEEN * differences.shape[1]
-        return np.where(is_enough, total / np.maximum(counts, 1), 1.0)
+        return float(Comparison(self._views, *pairs).in_disparity(poses).mean())
 
 
 def _best(
