@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from hypermap.questions import NotUnderstood, Query, load_taxonomy, understand
 from hypermap.questions.english import EXAMPLES
-from hypermap.questions.words import Vocabulary
+from hypermap.questions.vocabulary import Vocabulary
 from hypermap.rooms.kinds import load_kinds
 
 NOW = datetime(2026, 11, 23, 14, 30, tzinfo=timezone(timedelta(hours=1)))  # a Monday

@@ -9,7 +9,8 @@ import pytest
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.perception.detectors.labels import COCO
 from hypermap.questions import load_taxonomy
-from hypermap.questions.words import Vocabulary, is_reserved
+from hypermap.questions.keywords import is_reserved
+from hypermap.questions.vocabulary import Vocabulary
 from hypermap.rooms.kinds import load_kinds
 
 

@@ -26,7 +26,7 @@ from hypermap.rooms.rooms import rooms_on
 
 if TYPE_CHECKING:
     from hypermap.questions.model import LanguageModel
-    from hypermap.questions.words import Vocabulary
+    from hypermap.questions.vocabulary import Vocabulary
 
 _LOOKS_LIKE = re.compile(
     r"\s*(?:(?:what|which (?:things|objects)) looks? )?like:?\s+(\S.*)", re.IGNORECASE | re.DOTALL
@@ -117,7 +117,7 @@ def ask_map(
 
 def vocabulary_of(hypermap: Hypermap, taxonomy: Taxonomy) -> Vocabulary:
     """Return what nouns mean in questions about a map."""
-    from hypermap.questions.words import Vocabulary
+    from hypermap.questions.vocabulary import Vocabulary
 
     layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
     things = {n for layer in layers if layer.name != ROOMS for n in layer.table.names_in_use}

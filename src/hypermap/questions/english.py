@@ -14,9 +14,11 @@ from datetime import datetime
 from hypermap.core.errors import HypermapError
 from hypermap.questions.foreign import is_foreign
 from hypermap.questions.grammar import query_of
+from hypermap.questions.keywords import KEYWORDS
 from hypermap.questions.query import Query
 from hypermap.questions.times import Span, find_times, without_as_of
-from hypermap.questions.words import KEYWORDS, TIME_MARKS, Vocabulary, tokens_of
+from hypermap.questions.vocabulary import Vocabulary
+from hypermap.questions.words import TIME_MARKS, tokens_of
 
 EXAMPLES = (
     "where is the nearest cup, and in which room?",

@@ -16,7 +16,7 @@ from hypermap.questions.query import Query
 from hypermap.questions.schema import QUERY_SCHEMA
 
 if TYPE_CHECKING:
-    from hypermap.questions.words import Vocabulary
+    from hypermap.questions.vocabulary import Vocabulary
 
 _ATTEMPTS = 2  # the second prompt says what was wrong with the first
 _LONGEST_QUESTION = 2000  # characters

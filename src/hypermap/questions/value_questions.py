@@ -16,7 +16,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.value_layer import ValueLayer
 from hypermap.questions.query import Condition, Measured, Query, Reference, Which
-from hypermap.questions.words import Vocabulary
+from hypermap.questions.vocabulary import Vocabulary
 from hypermap.values import converted
 
 _QUANTITIES = {

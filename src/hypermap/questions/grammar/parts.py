@@ -10,9 +10,9 @@ from typing import Any
 
 from lark import Token
 
+from hypermap.questions.keywords import ORDINALS
 from hypermap.questions.query import Condition, Measure, Number, Query, Reference, Relation, Which
 from hypermap.questions.taxonomy import EVERYTHING
-from hypermap.questions.words import ORDINALS
 
 _WHICH: dict[str, Which] = {
     "nearest": "nearest",

@@ -19,9 +19,9 @@ from hypermap.questions.grammar.parts import (
     types_of,
     whole_number,
 )
+from hypermap.questions.keywords import meters_of
 from hypermap.questions.query import Condition, Number, Query, Reference, Relation
 from hypermap.questions.times import Span
-from hypermap.questions.words import meters_of
 
 # How many a comparison with a number asks for: at least so many more, or at most.
 _LEAST = {"more than": 1, "over": 1} | dict.fromkeys(
