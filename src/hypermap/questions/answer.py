@@ -13,14 +13,13 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import IntArray, PointsLike, as_objects
+from hypermap.core.arrays import PointsLike, as_objects
 from hypermap.core.embeddings import TextEncoder
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap, Matches
 from hypermap.core.layer import Layer
 from hypermap.core.notes_layer import NotesLayer
-from hypermap.core.objects import probability_of
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.value_layer import ValueLayer
@@ -34,15 +33,15 @@ from hypermap.questions.cells import (
     value_in,
     values_around,
 )
+from hypermap.questions.chosen import chosen_objects, chosen_rooms
 from hypermap.questions.finder import ASKER, Finder
 from hypermap.questions.noted import notes_at, notes_in
 from hypermap.questions.per_room import counted_by_room
-from hypermap.questions.query import OF_COUNTS, Query
-from hypermap.questions.relations import NO_HEIGHTS, heights_of
+from hypermap.questions.query import Query
 from hypermap.questions.seen import seen_in
 from hypermap.questions.sizes import size_of_object
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
-from hypermap.rooms.questions import rooms_at, rooms_called
+from hypermap.rooms.questions import rooms_at
 from hypermap.rooms.rooms import Room
 from hypermap.values import value_layer_called
 from hypermap.values.past import why_undated
@@ -206,10 +205,10 @@ class _Asking:
         self._similarities: tuple[float, ...] = ()
 
     def answer(self) -> Answer:
-        query = self._query
+        query, finder = self._query, self._finder
         layers = self._layers()
         found = Matches.of_shapes(as_objects([]))
-        rooms: list[Room | None] = []
+        rooms: Sequence[Room | None] = []
         cells: list[Cell] = []
         measured: list[dict[str, Any]] = []
         if query.give == "places":
@@ -226,14 +225,15 @@ class _Asking:
                 rows, measured = [rows[i] for i in known], [measured[i] for i in known]
             found = found.take(np.array(rows, dtype=np.int64))
         if query.per is not None:
-            found, counted, counts = counted_by_room(self._finder, query, found)
+            found, counted, counts = counted_by_room(finder, query, found)
             return self._answer(found, counted, counts=counts)
         if query.give == "labels":
             found, cells = self._nearest_of(found, self._cells(layers, found))
         elif query.asks_rooms:
-            rooms = self._finder.rooms_of(found) if query.describes_objects else self._asked_rooms()
+            of_objects = query.describes_objects
+            rooms = finder.rooms_of(found) if of_objects else chosen_rooms(finder, query)
         elif query.give == "room":
-            rooms = rooms_at(self._finder.rooms, found.centroids) if len(found) else []
+            rooms = rooms_at(finder.rooms, found.centroids) if len(found) else []
         return self._answer(found, rooms, cells, measured)
 
     def _answer(
@@ -317,32 +317,6 @@ class _Asking:
                 return self._finder.place(condition.reference)
         return None
 
-    def _asked_rooms(self) -> list[Room | None]:
-        """Return the rooms of some names or kinds, of any if there are none."""
-        query = self._query
-        if query.rooms in ((), ("room",)):  # any
-            rooms = [*self._finder.rooms]
-        else:
-            called = {
-                r.id: r for name in query.rooms for r in rooms_called(self._finder.rooms, name)
-            }
-            rooms = [*called.values()]
-        far: dict[int, float] = {}
-        if query.which in ("largest", "smallest"):
-            rooms.sort(key=lambda room: room.area, reverse=query.which == "largest")
-        elif query.which in ("nearest", "farthest") or query.give == "distance":
-            near = shapely.union_all(self._finder.others(query.start or ASKER).shapes)
-            far = {room.id: float(shapely.distance(room.outline, near)) for room in rooms}
-            rooms.sort(key=lambda room: far[room.id], reverse=query.which == "farthest")
-        elif query.which is not None:
-            raise HypermapError(f"no room is the {query.which}; ask for the largest or the nearest")
-        if query.which is not None:
-            self._note_rank(len(rooms))
-            rooms = rooms[query.chosen]
-        if far:
-            self._finder.notes += [f"{room.name} is {far[room.id]:.2f} m away" for room in rooms]
-        return [*rooms]
-
     def _area(self) -> BaseGeometry | None:
         """Return the area, or that of the rooms, that the query asks about; None for everywhere."""
         for condition in self._query.where:
@@ -374,7 +348,7 @@ class _Asking:
                 said = f"{unsure} more were seen before and after, and may have been then"
                 self._finder.notes.append(said)
         if query.like is None:
-            return self._chosen(found)
+            return chosen_objects(self._finder, query, found)
         # Imported here: numba is slow to load, and most questions are about nothing like that.
         from hypermap.questions.likeness import most_like
 
@@ -391,79 +365,6 @@ class _Asking:
                 said = f"nothing there has the tag {tag!r}"
                 self._finder.notes.append(f"{said}; {did_you_mean(tag, known)}" if known else said)
         return found.take(np.array([set(query.tags).issubset(tags) for tags in own], dtype=bool))
-
-    # Which of them
-
-    def _chosen(self, found: Matches) -> Matches:
-        """Return the chosen ones of all that meet the conditions."""
-        query = self._query
-        is_later = query.which in ("highest", "lowest", *OF_COUNTS)  # when there are numbers
-        if query.give == "distance" or query.which in ("nearest", "farthest"):
-            found = self._with_distances(found)
-            if query.which == "farthest":
-                found = found.take(slice(None, None, -1))
-        elif query.which == "tallest":
-            found = self._tallest_first(found)
-        elif query.which is not None and not is_later:
-            found = found.take(_order(query.which, found))
-        if query.which is not None and not is_later:
-            self._note_rank(len(found))
-            found = found.take(query.chosen)
-        return found.take(_order("newest", found)) if query.give == "last_seen" else found
-
-    def _note_rank(self, count: int) -> None:
-        """Note how many there are if none has the rank that is asked for."""
-        if 0 < count < (self._query.rank or 0):
-            self._finder.notes.append(f"there {'is' if count == 1 else 'are'} {count}")
-
-    def _tallest_first(self, found: Matches) -> Matches:
-        """Return the objects whose heights the map has, the tallest first."""
-        low, high = heights_of(found).T
-        known = np.flatnonzero(~np.isnan(high - low))
-        if len(found) and not len(known):
-            raise HypermapError(NO_HEIGHTS)
-        if len(known) < len(found):
-            more = len(found) - len(known)
-            said = f"{more} more {'has' if more == 1 else 'have'} no known height"
-            self._finder.notes.append(said)
-        return found.take(known[np.argsort((low - high)[known], kind="stable")])
-
-    def _with_distances(self, found: Matches) -> Matches:
-        """Return objects with their distances, nearest first; ties by those of their middles."""
-        others = self._finder.others(self._query.start or ASKER)
-        if not len(found) or not len(others):
-            return found.take(slice(0, 0))
-        if self._query.by == "path":
-            return self._by_path(found, others)
-        meters = found.distances_to(others)
-        order = np.lexsort((found.centroid_distances_to(others), meters))
-        return found.with_distances(meters).take(order[np.isfinite(meters[order])])
-
-    def _by_path(self, found: Matches, others: Matches) -> Matches:
-        if len(others) != 1:
-            raise HypermapError(f"a path begins at one place; the question names {len(others)}")
-        is_thing = others.keys[0] >= 0
-        start: Any = int(others.column("ids")[0]) if is_thing else others.centroids[0]
-        objects = found.first()
-        rows = {(one.layer, one.object.id): row for row, one in enumerate(objects)}
-        reached = self._finder.planner.by_path(objects, start)
-        order = [rows[one.layer, one.object.id] for one in reached]
-        return found.take(np.array(order, dtype=np.int64)).with_distances(
-            np.array([one.distance for one in reached], dtype=np.float64)
-        )
-
-
-def _order(which: str, found: Matches) -> IntArray:
-    """Return the rows of objects, the largest, smallest, surest or newest first."""
-    if which in ("largest", "smallest"):
-        areas = shapely.area(found.shapes)
-        keys = areas if which == "smallest" else -areas
-    elif which == "surest":
-        columns = zip(found.column("confidence"), found.column("existence"), strict=True)
-        keys = -np.nan_to_num([probability_of(*known) for known in columns])
-    else:
-        keys = -np.nan_to_num(found.column("last_seen"), nan=-np.inf, neginf=-np.inf)
-    return np.argsort(keys, kind="stable")
 
 
 def _cells_at(hypermap: Hypermap, layer: Layer, point_xy: PointsLike) -> list[Cell]:

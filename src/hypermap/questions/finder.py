@@ -246,7 +246,7 @@ class Finder:
             places[are_rooms] = [by_id[one] for one in found.column("ids")[are_rooms].tolist()]
         return places
 
-    def rooms_of(self, found: Matches) -> list[Room | None]:
+    def rooms_of(self, found: Matches) -> list[Room]:
         """Return the rooms in which there are some objects."""
         there = set(self.places_of_rooms(found).tolist())
         return [room for place, room in enumerate(self.rooms) if place in there]
@@ -276,7 +276,7 @@ class Finder:
 
     def _have(self, reference: Reference, found: Matches) -> BoolArray:
         """Return which objects are rooms in which there is an object of a reference."""
-        ids = [room.id for room in self.rooms_of(self.others(reference)) if room is not None]
+        ids = [room.id for room in self.rooms_of(self.others(reference))]
         return found.are_of(ROOMS) & np.isin(found.column("ids"), ids)
 
     def _are_next_door(self, reference: Reference, found: Matches) -> BoolArray:
@@ -313,8 +313,8 @@ class Finder:
             return self._are_next_door(reference, found)
         if relation == "in the room of":
             others = self.others(reference)
-            rooms = [room for room in self.rooms_of(others) if room is not None]
-            return self._are_in(rooms, found, only_rooms) & ~self._are_only(others, found)
+            is_in = self._are_in(self.rooms_of(others), found, only_rooms)
+            return is_in & ~self._are_only(others, found)
         if condition.other is not None:
             return self._are_between(found, (reference, condition.other))
         return self._meet(condition, found, self.others(reference))
