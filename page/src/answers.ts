@@ -307,7 +307,8 @@ export function changesContent(
     if (!end) return null;
     const isRenamed = before && after && before.name !== after.name;
     const name = isRenamed ? `${before.name} → ${after.name}` : end.name;
-    const far = kind === "moved" && distance !== null ? `by ${meters(distance)} m` : "";
+    const isElsewhere = kind === "moved" || kind === "corrected"; // by poses
+    const far = isElsewhere && distance !== null ? `by ${meters(distance)} m` : "";
     const sure = confidence === null ? "" : `${Math.round(100 * confidence)} % sure`;
     return el(
       "li",

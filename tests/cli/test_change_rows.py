@@ -6,7 +6,7 @@ import pytest
 import shapely
 
 from hypermap.cli.change_rows import counts_of, distance_of
-from hypermap.core.history import ADDED, GONE, MOVED, Change
+from hypermap.core.history import ADDED, CORRECTED, GONE, MOVED, Change
 from hypermap.core.semantic import SemanticObject
 
 CUP = SemanticObject("cup", shapely.box(0, 0, 1, 1), id=1)
@@ -36,3 +36,9 @@ def test_changes_are_counted_by_kind() -> None:
     gone = Change(GONE, "semantic", CUP, None)
     assert counts_of([gone, Change(ADDED, "semantic", None, CUP), gone]) == "2 gone, 1 added"
     assert counts_of([]) == ""
+
+
+def test_what_corrected_poses_put_elsewhere_is_told_with_how_far() -> None:
+    changes = [Change(CORRECTED, "semantic", CUP, CUP, by) for by in (0.5, 0.6)]
+    changes.insert(1, Change(MOVED, "semantic", CUP, CUP, 2.0, 0.9))
+    assert counts_of(changes) == "2 corrected by 0.55 m, 1 moved"

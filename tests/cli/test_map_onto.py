@@ -135,7 +135,12 @@ def test_corrected_poses_move_the_map_without_its_recording(hypermap, drive, tmp
     assert re.search(r"corrected the poses of \d+ frames by 0\.50 m on average", result.err)
     moved = [one.object.footprint.centroid.x for one in open_map(out).objects()]
     assert moved == pytest.approx([o.object.footprint.centroid.x + 0.5 for o in before], abs=0.02)
-    assert "corrected poses" in hypermap("changes", out).out  # nobody has moved anything
+    assert re.search(r"since \S+: \d+ corrected by 0\.50 m\n", result.err)
+    told = hypermap("changes", out).out
+    assert re.search(r"corrected +\d+ objects? +- +0\.50 m +corrected poses", told)
+    assert "moved" not in told
+    each = hypermap("changes", out, "--all").out  # one by one
+    assert len(re.findall("corrected  ", each)) == len(open_map(out).semantic())
 
 
 @pytest.mark.parametrize(

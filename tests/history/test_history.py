@@ -141,6 +141,33 @@ def test_what_mapping_has_found_to_be_moved_is_so_though_its_outline_differs(
     assert change.confidence == (0.7 if says else None)
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "kind"),
+    [
+        (None, None, "corrected"),
+        (None, {"confidence": 0.7, "since": MONDAY}, "moved"),
+        # A correction changes how likely a move is that is known already.
+        ({"confidence": 0.8, "since": MONDAY}, {"confidence": 0.7, "since": MONDAY}, "corrected"),
+        ({"confidence": 0.8, "since": MONDAY}, {"confidence": 0.7, "since": TUESDAY}, "moved"),
+    ],
+)
+def test_corrected_poses_move_nothing_of_which_mapping_does_not_say_so(
+    before: dict[str, float] | None, after: dict[str, float] | None, kind: str
+) -> None:
+    was, now = (
+        box("chair", x, 1, **({} if said is None else {"moved": said}))
+        for x, said in ((2, before), (2.6, after))
+    )
+    first = mapped(office(), MONDAY, was)
+    assert first.history is not None
+    other = first.with_layer(SemanticLayer("semantic", "map", [now]))
+    correction = Mapped("day2", TUESDAY, is_corrected=True)
+    other.history = dataclasses.replace(first.history, mapped=correction)
+    (change,) = revisions(grown(other, TUESDAY))[-1].changes
+    assert (change.kind, change.distance) == (kind, pytest.approx(0.6))
+    assert change.confidence == (0.7 if kind == "moved" else None)
+
+
 @pytest.mark.parametrize(("end", "kinds"), [(3.7, []), (2.6, ["moved"])])
 def test_what_still_fills_its_place_has_not_moved(end: float, kinds: list[str]) -> None:
     """As a shelf of which another drive sees more; one of the same size beside it has moved."""

@@ -43,8 +43,20 @@ def distance_of(change: Change) -> str:
 
 
 def counts_of(changes: Iterable[Change]) -> str:
-    """Return how many changes there are of each kind, as a sentence has it; empty for none."""
-    return ", ".join(f"{n} {kind}" for kind, n in Counter(one.kind for one in changes).items())
+    """Return how many changes there are of each kind, as a sentence has it; empty for none.
+
+    Of what only stands elsewhere on the map because poses were corrected, also how far on average.
+    """
+    found = list(changes)
+    said = [f"{n} {kind}" for kind, n in Counter(one.kind for one in found).items()]
+    by = mean_distance(one for one in found if one.kind == "corrected")
+    return ", ".join(f"{one} by {by}" if one.endswith(" corrected") else one for one in said)
+
+
+def mean_distance(changes: Iterable[Change]) -> str:
+    """Return how far apart things were before and after, on average; empty if none was."""
+    found = [one.distance for one in changes if one.distance is not None]
+    return f"{sum(found) / len(found):.2f} m" if found else ""
 
 
 def described(change: Change) -> dict[str, Any]:

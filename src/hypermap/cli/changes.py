@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.change_rows import counts_of, described, distance_of, named, place_of
+from hypermap.cli.change_rows import (
+    counts_of,
+    described,
+    distance_of,
+    mean_distance,
+    named,
+    place_of,
+)
 from hypermap.cli.options import AsJson, MapPath, check_picture
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.text import counted, printable
@@ -50,8 +58,8 @@ def command(
         bool,
         typer.Option(
             "--all",
-            help="Also show doubtful changes, and each object of the first drive. --json always "
-            "does.",
+            help="Also show doubtful changes, and each object of the first drive and of corrected "
+            "poses. --json always does.",
         ),
     ] = False,
     as_json: AsJson = False,
@@ -124,28 +132,45 @@ def _worth_showing(found: _Found) -> _Found:
 
 
 def _show(found: _Found, each: bool) -> None:
-    """Show the changes; what the first drive found as one row, unless `each` is wanted."""
+    """Show the changes.
+
+    What the first drive found is one row, and so is what only stands elsewhere because poses were
+    corrected, unless `each` is wanted.
+    """
     from hypermap.questions.departed import when
 
     if found:
         rows = table("when", "change", "object", "before", "now", "distance", "by")
-        first = [] if each else [one for one in found if one[0].is_beginning]
-        if first:
-            revision, _ = first[0]
-            things = counted(len(first), "object")
-            rows.add_row(when(revision), "added", things, "-", "", "", _cause(revision))
-        for revision, change in found[len(first) :]:
-            rows.add_row(
-                when(revision),
-                change.kind,
-                named(change),
-                place_of(change.before),
-                place_of(change.after),
-                distance_of(change),
-                _cause(revision),
-            )
+        for revision, group in groupby(found, key=_first):
+            changes = [change for _, change in group]
+            for together in () if each else _one_row(revision, changes):
+                told = set(together)
+                changes = [one for one in changes if one not in told]
+                kind, by = together[0].kind, mean_distance(together)
+                things = counted(len(together), "object")
+                rows.add_row(when(revision), kind, things, "-", "", by, _cause(revision))
+            for change in changes:
+                rows.add_row(
+                    when(revision),
+                    change.kind,
+                    named(change),
+                    place_of(change.before),
+                    place_of(change.after),
+                    distance_of(change),
+                    _cause(revision),
+                )
         out().print(rows)
     say(counts_of(change for _, change in found) or "nothing changed")
+
+
+def _first(pair: tuple[Revision, Change]) -> Revision:
+    return pair[0]
+
+
+def _one_row(revision: Revision, changes: list[Change]) -> list[list[Change]]:
+    """Return which changes of a revision are told as one."""
+    corrected = [one for one in changes if one.kind == "corrected"]
+    return [one for one in ([*changes] if revision.is_beginning else [], corrected) if one]
 
 
 def _cause(revision: Revision) -> str:

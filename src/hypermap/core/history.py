@@ -22,9 +22,14 @@ _PROBABLE = 0.5  # least confidence of an object that came or went
 ADDED, GONE, EXPIRED = "added", "gone", "expired"
 MOVED, RESHAPED, RENAMED, EDITED = "moved", "reshaped", "renamed", "edited"
 FIRST_SEEN, NOT_REVISITED = "first seen", "not revisited"
-KINDS = (ADDED, GONE, EXPIRED, MOVED, RESHAPED, RENAMED, EDITED, FIRST_SEEN, NOT_REVISITED)
-"""Kinds of changes. The last two are of places that only one of two maps knows. What an earlier
-drive has detected, though too seldom, also is "first seen" when it comes onto the map."""
+CORRECTED = "corrected"
+KINDS = (
+    *(ADDED, GONE, EXPIRED, MOVED, RESHAPED, RENAMED, EDITED, FIRST_SEEN, NOT_REVISITED),
+    CORRECTED,
+)
+"""Kinds of changes. "first seen" and "not revisited" are of places that only one of two maps knows.
+What an earlier drive has detected, though too seldom, also is "first seen" when it comes onto the
+map. What is "corrected" has not moved: it is elsewhere on the map because poses were corrected."""
 
 Cause = Literal["mapping", "edit"]
 """What made a revision: frames that were mapped, or a person or a program that changed objects."""
@@ -118,11 +123,13 @@ class Mapped:
         time: stamp of its last frame in seconds since 1970; None if its clock does not say it.
         doubt: returns how likely it is that an object which seems to have come or gone did not,
             0..1; None if that is unknown.
+        is_corrected: whether the poses of earlier frames were corrected.
     """
 
     drive: str
     time: float | None
     doubt: Callable[[Change], float] | None = None
+    is_corrected: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import shapely
 
 from hypermap.core.history import (
     ADDED,
+    CORRECTED,
     EARLIEST,
     EDITED,
     EXPIRED,
@@ -42,7 +43,11 @@ _SAME_WHEN_EDITED = 0.9  # likeness of shapes from which on a person has moved a
 
 
 def differences(
-    before: SemanticLayer | None, after: SemanticLayer | None, cause: Cause, now: float
+    before: SemanticLayer | None,
+    after: SemanticLayer | None,
+    cause: Cause,
+    now: float,
+    is_corrected: bool = False,
 ) -> list[Change]:
     """Return what changed in a layer, in the order of the ids.
 
@@ -54,6 +59,7 @@ def differences(
         after: the layer after; None if it is not there any more.
         cause: what has changed it.
         now: in seconds since 1970; what is gone by then may have expired.
+        is_corrected: whether poses were corrected: then mapping must say so of what was moved.
     """
     layer = before if after is None else after
     assert layer is not None
@@ -76,7 +82,7 @@ def differences(
     rows = np.array([[was[number], at[number]] for number in both], np.int64).reshape(-1, 2)
     for i in _suspicious(old, new, rows):
         pair = old.object(int(rows[i, 0])), new.object(int(rows[i, 1]))
-        if (change := _changed(layer.name, *pair, cause)) is not None:
+        if (change := _changed(layer.name, *pair, cause, is_corrected)) is not None:
             found[both[i]] = change
     return [found[number] for number in sorted(found)]
 
@@ -128,10 +134,14 @@ def _sureness(item: SemanticObject, cause: Cause) -> float | None:
     return None if cause == "edit" or not item.confidence else max(item.confidence)
 
 
-def _changed(layer: str, old: SemanticObject, new: SemanticObject, cause: Cause) -> Change | None:
+def _changed(
+    layer: str, old: SemanticObject, new: SemanticObject, cause: Cause, is_corrected: bool
+) -> Change | None:
     """Return how an object changed; None if that does not count."""
     distance = distance_between(old, new)
     kind = _kind(old, new, distance, cause)
+    if kind == MOVED and is_corrected and not _is_newly_moved(old, new):
+        kind = CORRECTED
     if kind is None:
         return None
     confidence = confidence_of_move(old, new) if kind == MOVED else None
@@ -166,6 +176,16 @@ def confidence_of_move(old: SemanticObject, new: SemanticObject) -> float:
         if isinstance(value, int | float):
             return float(value)
     return 1.0
+
+
+def _is_newly_moved(old: SemanticObject, new: SemanticObject) -> bool:
+    """Return whether an object has moved since, by a move other than that already known.
+
+    Corrected poses change how likely a known move is.
+    """
+    known = old.attributes.get(MOVE)
+    since = known.get("since") if isinstance(known, Mapping) else None
+    return is_said_to_have_moved(old, new) and new.attributes[MOVE].get("since") != since
 
 
 def is_said_to_have_moved(old: SemanticObject, new: SemanticObject) -> bool:

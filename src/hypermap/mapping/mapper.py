@@ -399,13 +399,15 @@ class Mapper:
     def _mapped(self, published: list[SemanticObject]) -> Mapped:
         """Return the source of the present changes, for the map's history."""
         drive = self._intake.drive
+        unsaved = None if self._base.history is None else self._base.history.mapped
+        is_corrected = self._is_corrected or (unsaved is not None and unsaved.is_corrected)
         name = drive.name or ("corrected poses" if self._is_corrected else "")
         if not self._intake.is_another_drive:
-            return Mapped(name, drive.time)
+            return Mapped(name, drive.time, is_corrected=is_corrected)
         log, drives = FrameLog(self._frame_log.parts), self._intake.drives()
         before = layer_of_objects(self._base)
         look = SecondLook(log, drives, self.config, before, published)
-        return Mapped(name, drive.time, look.chance)
+        return Mapped(name, drive.time, look.chance, is_corrected)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:
         """Return a copy of the state that is needed to continue."""

@@ -14,6 +14,7 @@ from hypermap.colors import Color
 from hypermap.core.arrays import FloatArray, as_objects
 from hypermap.core.history import (
     ADDED,
+    CORRECTED,
     EDITED,
     EXPIRED,
     FIRST_SEEN,
@@ -45,6 +46,7 @@ COLORS: dict[str, Color] = {
     EDITED: (0.8, 0.75, 0.2),
     FIRST_SEEN: (0.55, 0.75, 0.65),
     NOT_REVISITED: (0.6, 0.6, 0.6),
+    CORRECTED: (0.35, 0.7, 0.9),
 }
 
 
