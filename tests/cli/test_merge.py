@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from hypermap import Pose2D, open_map, save_map
+from hypermap.cli import merge
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.merging import Merged
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera
 from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording, demo_world
@@ -99,7 +101,7 @@ def test_maps_in_one_frame_need_not_be_aligned(
     answer = hypermap("merge", maps[0], maps[2], "--same-frame", "-o", out, "--json").json
     assert answer["maps"][0] | {"map": "", "both": 0} == {
         "map": "", "x": 0, "y": 0, "yaw": 0, "both": 0, "first": 0, "second": 0, "gone": 0,
-        "conflicts": [], "renamed": {}, "settings": [],
+        "left_out": 0, "conflicts": [], "renamed": {}, "settings": [],
     }  # fmt: skip
     assert answer["objects"] == answer["maps"][0]["both"] > 3
 
@@ -115,6 +117,16 @@ def test_the_first_map_may_be_replaced_and_stays_as_a_backup(
     assert (tmp_path / "floor.hmap.bak").read_bytes() == maps[0].read_bytes()
     again = hypermap("merge", out, maps[2], "--same-frame", "-o", out)
     assert_one_error(again, "frames of the drive 'day 2', which would count twice")
+
+
+def test_what_only_the_other_map_had_is_left_out_not_gone(
+    maps: tuple[Path, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    counts = {"both": 13, "first": 4, "second": 3, "gone": 0, "left_out": 2}
+    merged = Merged(open_map(maps[0]), **counts, conflicts=(), renamed={})
+    merge._show(merged, Pose2D(), Path("old.hmap"))
+    said = "13 objects in both, 4 only before, 3 new, 0 gone; 2 of old.hmap left out"
+    assert said in capsys.readouterr().out
 
 
 def test_wrong_input_is_one_error_and_nothing_is_saved(

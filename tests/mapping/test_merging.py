@@ -174,7 +174,14 @@ def test_what_was_moved_is_only_where_it_is_now() -> None:
     merged = merge_maps(first_day(), second_day(*MOVED), OTHER_FRAME)
     found = objects_of(merged.hypermap)
     assert centroid(found["chair"]) == pytest.approx((2.3, 0.9), abs=0.15)
-    assert (merged.both, merged.first, merged.second, merged.gone) == (2, 0, 1, 1)
+    assert (merged.both, merged.first, merged.second) == (2, 0, 1)
+    assert (merged.gone, merged.left_out) == (1, 0)
+
+
+def test_what_only_the_older_map_has_is_not_gone_from_the_newer_one() -> None:
+    merged = merge_maps(second_day(*MOVED), first_day(), OTHER_FRAME.inverse())
+    assert (merged.both, merged.first, merged.second) == (2, 1, 0)
+    assert (merged.gone, merged.left_out) == (0, 1)
 
 
 def test_free_floor_below_a_table_does_not_say_that_what_stands_on_it_is_gone() -> None:

@@ -118,6 +118,7 @@ def _described(merged: Merged, pose: Pose2D, other: Path) -> dict[str, Any]:
         "first": merged.first,
         "second": merged.second,
         "gone": merged.gone,
+        "left_out": merged.left_out,
         "conflicts": list(merged.conflicts),
         "renamed": merged.renamed,
         "settings": list(merged.settings),
@@ -127,9 +128,10 @@ def _described(merged: Merged, pose: Pose2D, other: Path) -> dict[str, Any]:
 def _show(merged: Merged, pose: Pose2D, other: Path) -> None:
     where = f"x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} degrees"
     say(f"{other}: {where}")
+    left_out = f"; {merged.left_out} of {other} left out" if merged.left_out else ""
     say(
         f"  {counted(merged.both, 'object')} in both, {merged.first} only before, "
-        f"{merged.second} new, {merged.gone} gone"
+        f"{merged.second} new, {merged.gone} gone{left_out}"
     )
     if merged.settings:
         note(

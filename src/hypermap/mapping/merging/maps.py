@@ -55,7 +55,9 @@ class Merged:
         both: number of its objects that were in both maps.
         first: number of objects only in the first map.
         second: number of objects only in the second map.
-        gone: number of objects that are not in the result, because later views did not show them.
+        gone: number of objects of the first map that are not in the result, because later views of
+            the second did not show them.
+        left_out: number of objects only in the second map that are not in the result, likewise.
         conflicts: ids of objects edited by hand in both maps; the first map's edits are kept.
         renamed: new names of layers of the second map whose names were in use, by their old names.
         settings: what the second map was made with otherwise, where the defaults have changed; the
@@ -67,6 +69,7 @@ class Merged:
     first: int
     second: int
     gone: int
+    left_out: int
     conflicts: tuple[int, ...]
     renamed: dict[str, str]
     settings: tuple[str, ...] = ()
@@ -280,7 +283,8 @@ def _counted(
         both=len(both),
         first=len((there & ids[0]) - theirs),
         second=len(there - ids[0]),
-        gone=len((ids[0] | theirs) - there),
+        gone=len(ids[0] - there),
+        left_out=len(theirs - ids[0] - there),
         conflicts=tuple(sorted(joined.conflicts & there)),
         renamed=renamed,
     )
