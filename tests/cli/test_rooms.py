@@ -88,7 +88,7 @@ def test_doors_are_drawn_where_rooms_meet(hypermap, flat, tmp_path):
     ("arguments", "reason"),
     [
         (["--least-area", "0"], "--least-area must be a positive number, got 0.0"),
-        (["-o", "x.png"], "x.png: a map with rooms is saved as .hmap"),
+        (["-o", "x.png"], "x.png: a map is saved as .hmap"),
         (["--kinds", "none.yaml"], "none.yaml: there is no such file"),
         (["--occupancy", "semantic"], "there is no layer 'semantic'"),
     ],

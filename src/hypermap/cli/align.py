@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.options import AsJson, Force, MapPath, OptionalMapOutput, check_new_map
 from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note, say, say_json
+from hypermap.cli.two_maps import InitialPose
 from hypermap.text import counted, decimal
 
 if TYPE_CHECKING:
@@ -31,25 +32,8 @@ def command(
             help="The map of another day, or of another robot.",
         ),
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="OUT",
-            show_default=False,
-            help="Save here: .hmap.",
-        ),
-    ] = None,
-    initial: Annotated[
-        str | None,
-        typer.Option(
-            "--initial",
-            metavar="X,Y,YAW",
-            show_default="anywhere",
-            help="Approximate pose of OTHER's origin on MAP, in meters and degrees.",
-        ),
-    ] = None,
+    output: OptionalMapOutput = None,
+    initial: InitialPose = None,
     new_frame: Annotated[
         str | None,
         typer.Option(
@@ -94,9 +78,7 @@ def command(
     from hypermap.questions.asking import parse_pose
 
     if output is not None:
-        if output.suffix.lower() != ".hmap":
-            raise HypermapError(f"{output}: the result is saved as .hmap")
-        check_output(output, force)
+        check_new_map(output, force)
     elif new_frame is not None or force or local:
         raise HypermapError("--new-frame, --local and --force need -o OUT")
     if local and new_frame is not None:

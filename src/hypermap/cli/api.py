@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from hypermap.cli.options import Port
 from hypermap.cli.public_url import PublicUrl, check_public_url
 from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import StoreAddress
@@ -25,15 +26,7 @@ def command(
             "--host", metavar="ADDRESS", help="Address to listen on: one of this machine's."
         ),
     ] = "127.0.0.1",
-    port: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=65535,
-            show_default="8090, or the next one that is free",
-            help="Port to listen on: 0 for any free port.",
-        ),
-    ] = None,
+    port: Port = None,
     token: Annotated[
         str | None,
         typer.Option(

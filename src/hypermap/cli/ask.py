@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import AsJson, name_of
+from hypermap.cli.options import AsJson, TaxonomyFile, name_of
 from hypermap.cli.terminal import note, say, say_json
 
 COMMAND_CLASS = PointsCommand
@@ -40,15 +40,7 @@ def command(
             help="Your position, in meters, and heading, in degrees, in the base frame.",
         ),
     ] = None,
-    taxonomy: Annotated[
-        Path | None,
-        typer.Option(
-            "--taxonomy",
-            metavar="FILE",
-            show_default=False,
-            help="YAML file with more names and kinds of objects; see docs/ask.md.",
-        ),
-    ] = None,
+    taxonomy: TaxonomyFile = None,
     robot_radius: Annotated[
         float,
         typer.Option(

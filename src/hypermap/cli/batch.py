@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hypermap.cli.corrected_poses import CorrectPoses
-from hypermap.cli.finding_options import Detector, Profile
+from hypermap.cli.finding_options import Detector, Objects, Profile
 from hypermap.cli.options import AsJson
 from hypermap.cli.signals import stop_on_signal
 from hypermap.cli.terminal import err, note, out, say_json, table
@@ -43,10 +43,7 @@ def command(
         ),
     ],
     detector: Detector = None,
-    objects: Annotated[
-        bool,
-        typer.Option("--objects/--no-objects", help="Map objects, or only the occupancy layer."),
-    ] = True,
+    objects: Objects = True,
     profile: Profile = None,
     correct_poses: CorrectPoses = None,
     sweeps: Annotated[

@@ -16,7 +16,7 @@ from hypermap.cli.change_rows import (
     named,
     place_of,
 )
-from hypermap.cli.options import AsJson, MapPath, check_picture
+from hypermap.cli.options import AsJson, MapPath, OnlyNames, check_picture
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.text import counted, printable
 
@@ -40,12 +40,7 @@ def command(
             "after version 3.",
         ),
     ] = None,
-    names: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--name", metavar="NAME", help="Only objects with this name: may be repeated."
-        ),
-    ] = None,
+    names: OnlyNames = None,
     picture: Annotated[
         Path | None,
         typer.Option(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from hypermap.cli.mask_options import Keepout, MaskResolution, Speed, save_mask
-from hypermap.cli.options import Force, check_output
+from hypermap.cli.options import Force, OnlyLayers, check_output
 from hypermap.cli.robot_options import InflationRadius, RobotRadius
 from hypermap.cli.route_options import AsRouteGraph, save_route_graph
 from hypermap.cli.saving import save_from
@@ -56,10 +56,7 @@ def command(
         Path,
         typer.Argument(metavar="OUT", show_default=False, help="The new file or folder."),
     ],
-    layers: Annotated[
-        list[str] | None,
-        typer.Option("--layer", metavar="NAME", help="Only this layer: may be repeated."),
-    ] = None,
+    layers: OnlyLayers = None,
     frame_id: Annotated[
         str | None,
         typer.Option(

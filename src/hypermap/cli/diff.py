@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.change_rows import counts_of, described, distance_of, named, place_of
-from hypermap.cli.options import AsJson, MapPath, check_picture
+from hypermap.cli.options import AsJson, MapPath, OnlyNames, check_picture
 from hypermap.cli.terminal import note, out, say, say_json, table
-from hypermap.cli.two_maps import SameFrame, pose_on
+from hypermap.cli.two_maps import ComparisonPicture, SameFrame, pose_on
 from hypermap.text import counted
 
 if TYPE_CHECKING:
@@ -34,21 +34,9 @@ def command(
             help="Minimum distance of a move; an object nearer to its old place has not moved.",
         ),
     ] = 0.3,
-    names: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--name", metavar="NAME", help="Only objects with this name: may be repeated."
-        ),
-    ] = None,
+    names: OnlyNames = None,
     same_frame: SameFrame = False,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            show_default=False,
-            help="Draw the result: both maps on top of each other, as .png or .svg.",
-        ),
-    ] = None,
+    picture: ComparisonPicture = None,
     as_json: AsJson = False,
 ) -> None:
     """Show what changed from MAP to OTHER: added, gone, moved, reshaped or renamed objects.

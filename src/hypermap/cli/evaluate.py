@@ -9,6 +9,7 @@ import typer
 
 from hypermap.cli.options import AsJson, check_output, check_picture
 from hypermap.cli.terminal import note, say_json
+from hypermap.cli.two_maps import ComparisonPicture
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted
 
@@ -43,14 +44,7 @@ def command(
         Path | None,
         typer.Option(metavar="FILE", show_default=False, help="Save all metrics: .csv."),
     ] = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            show_default=False,
-            help="Draw the result: both maps on top of each other, as .png or .svg.",
-        ),
-    ] = None,
+    picture: ComparisonPicture = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare the objects of a map with the ground truth.

@@ -11,7 +11,7 @@ from typer.core import TyperCommand
 
 from hypermap.cli.experiment_plan import DRIVES, Plan
 from hypermap.cli.options import AsJson, Force
-from hypermap.cli.simulate import ERRORS, SENSORS, WHAT_ERRS, WHAT_SENSOR
+from hypermap.cli.simulate import ErrorLevel, SensorName
 from hypermap.core.errors import HypermapError, did_you_mean
 
 _EXPERIMENTS = {
@@ -105,8 +105,8 @@ def command(
             help="Seed of the first drive. Seeds from 5000 on are only for measurements.",
         ),
     ] = None,
-    errors: Annotated[str, typer.Option(metavar=ERRORS, help=WHAT_ERRS)] = "robot",
-    sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
+    errors: ErrorLevel = "robot",
+    sensor: SensorName = "kinect_v1",
     network: Annotated[
         bool,
         typer.Option(

@@ -16,6 +16,9 @@ class ProfileName(str, enum.Enum):
     thesis = "thesis"
 
 
+Objects = Annotated[
+    bool, typer.Option("--objects/--no-objects", help="Map objects, or only the occupancy layer.")
+]
 Detector = Annotated[
     str | None,
     typer.Option(

@@ -21,6 +21,7 @@ from hypermap.cli.finding_options import (
     Detections,
     Detector,
     Labels,
+    Objects,
     Onto,
     Profile,
     Score,
@@ -71,10 +72,7 @@ def command(
     labels: Labels = None,
     score: Score = None,
     detections: Detections = None,
-    objects: Annotated[
-        bool,
-        typer.Option("--objects/--no-objects", help="Map objects, or only the occupancy layer."),
-    ] = True,
+    objects: Objects = True,
     map_file: Annotated[
         Path | None,
         typer.Option(

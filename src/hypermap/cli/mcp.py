@@ -7,13 +7,12 @@ import os
 import secrets
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, name_of
+from hypermap.cli.options import MapPath, Port, TaxonomyFile, name_of
 from hypermap.cli.robot_options import RobotRadius
 from hypermap.cli.signals import until_signal
 from hypermap.cli.terminal import note
@@ -36,15 +35,7 @@ def command(
         bool,
         typer.Option("--http", help="Serve by streamable HTTP instead of standard input/output."),
     ] = False,
-    port: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=65535,
-            show_default="8090, or the next one that is free",
-            help="Port to listen on: 0 for any free port.",
-        ),
-    ] = None,
+    port: Port = None,
     token: Annotated[
         str | None,
         typer.Option(
@@ -55,15 +46,7 @@ def command(
             help="Secret that clients must know.",
         ),
     ] = None,
-    taxonomy: Annotated[
-        Path | None,
-        typer.Option(
-            "--taxonomy",
-            metavar="FILE",
-            show_default=False,
-            help="YAML file with more names and kinds of objects; see docs/ask.md.",
-        ),
-    ] = None,
+    taxonomy: TaxonomyFile = None,
     robot_radius: RobotRadius = None,
 ) -> None:
     """Serve a map to language-model agents by the Model Context Protocol (MCP).

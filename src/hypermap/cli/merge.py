@@ -10,10 +10,10 @@ import typer
 
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.onto import is_same_file, named
-from hypermap.cli.options import AsJson, ForceMap, MapPath, check_map_output
+from hypermap.cli.options import AsJson, ForceMap, MapOutput, MapPath, check_map_output
 from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note, say, say_json
-from hypermap.cli.two_maps import SameFrame, pose_on
+from hypermap.cli.two_maps import InitialPose, SameFrame, pose_on
 from hypermap.core.errors import FrameError, HypermapError
 from hypermap.text import counted
 
@@ -36,19 +36,8 @@ def command(
             help="Maps of other days, or of other robots.",
         ),
     ],
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", metavar="OUT", show_default=False, help="Save here: .hmap."),
-    ],
-    initial: Annotated[
-        str | None,
-        typer.Option(
-            "--initial",
-            metavar="X,Y,YAW",
-            show_default="anywhere",
-            help="Approximate pose of OTHER's origin on MAP, in meters and degrees.",
-        ),
-    ] = None,
+    output: MapOutput,
+    initial: InitialPose = None,
     same_frame: SameFrame = False,
     as_json: AsJson = False,
     force: ForceMap = False,

@@ -17,7 +17,7 @@ from hypermap.cli.options import (
     Force,
     MapPath,
     check_edited,
-    check_output,
+    check_new_map,
     name_of,
     only_one,
 )
@@ -244,7 +244,7 @@ def command(
     asked = AskedNote(name, frame, author, place, area, time, text, attach or [], link or [])
     asked.check(write is not None, edit is not None)
     if output is not None:
-        check_output(output, force)
+        check_new_map(output, force)
     new = sys.stdin.read() if write == "-" else write
     is_changed = bool(changes) or inside_up_to is not None
     if is_changed and output is None:
@@ -375,8 +375,6 @@ def _save(hypermap: Hypermap, path: Path, output: Path | None) -> None:
         raise HypermapError(f"{name_of(path)}: notes are kept in .hmap files; give -o OUT.hmap")
     if output is None:
         save_edited(hypermap, path, _EDITOR)
-    elif output.suffix.lower() != ".hmap":
-        raise HypermapError(f"{output}: a map with notes is saved as .hmap")
     else:
         save_from(hypermap, path, output)
     note(f"saved {output or path}")

@@ -6,16 +6,13 @@ import os
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from hypermap.cli.terminal import INTERRUPTED
 from hypermap.core.errors import HypermapError
 from hypermap.text import visible
-
-if TYPE_CHECKING:
-    pass
 
 MapPath = Annotated[
     Path,
@@ -24,6 +21,40 @@ MapPath = Annotated[
         readable=False,
         show_default=False,
         help="An .hmap archive, a configuration file in a folder, or a map_server YAML.",
+    ),
+]
+MapOutput = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="OUT", show_default=False, help="Save here: .hmap."),
+]
+OptionalMapOutput = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="OUT", show_default=False, help="Save here: .hmap."),
+]
+OnlyLayers = Annotated[
+    list[str] | None,
+    typer.Option("--layer", metavar="NAME", help="Only this layer: may be repeated."),
+]
+OnlyNames = Annotated[
+    list[str] | None,
+    typer.Option("--name", metavar="NAME", help="Only objects with this name: may be repeated."),
+]
+TaxonomyFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--taxonomy",
+        metavar="FILE",
+        show_default=False,
+        help="YAML file with more names and kinds of objects; see docs/ask.md.",
+    ),
+]
+Port = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=65535,
+        show_default="8090, or the next one that is free",
+        help="Port to listen on: 0 for any free port.",
     ),
 ]
 _YAML_HEAD = 65536  # bytes of a YAML file next to a picture that are looked at
@@ -65,6 +96,18 @@ def check_output(path: Path, replace: bool) -> None:
             "name",
             path,
         )
+
+
+def check_new_map(path: Path, replace: bool) -> None:
+    """Make sure before a long work that a map can be saved, like `check_output`.
+
+    Raises:
+        HypermapError: If the suffix is another than .hmap, or as for `check_output`.
+        typer.Exit: If Ctrl-C is the answer.
+    """
+    if path.suffix.lower() != ".hmap":
+        raise HypermapError(f"{path}: a map is saved as .hmap")
+    check_output(path, replace)
 
 
 def check_edited(path: Path) -> None:
@@ -111,9 +154,7 @@ def check_map_output(path: Path, force: bool) -> None:
     """
     from hypermap.formats.backup import backup_of, why_precious
 
-    if path.suffix.lower() != ".hmap":
-        raise HypermapError(f"{path}: a map is saved as .hmap")
-    check_output(path, replace=True)
+    check_new_map(path, replace=True)
     reason = None if force else why_precious(path)
     if reason is None:
         return

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import ForceMap, check_map_output
+from hypermap.cli.options import ForceMap, MapOutput, check_map_output
 from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import SiteName, StoreAddress, address_with_site
 from hypermap.cli.terminal import note
@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 
 def command(
     store: StoreAddress,
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", metavar="OUT", show_default=False, help="Save here: .hmap."),
-    ],
+    output: MapOutput,
     site: SiteName = None,
     version: Annotated[
         int | None,

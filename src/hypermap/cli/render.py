@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, check_picture
+from hypermap.cli.options import MapPath, OnlyLayers, OnlyNames, check_picture
 from hypermap.cli.robot_options import RobotRadius
 from hypermap.cli.terminal import note
 from hypermap.console.options import AN_AREA
@@ -25,16 +25,8 @@ def command(
             "-o", "--output", metavar="OUT", show_default=False, help="Save here: .png or .svg."
         ),
     ],
-    layers: Annotated[
-        list[str] | None,
-        typer.Option("--layer", metavar="NAME", help="Only this layer: may be repeated."),
-    ] = None,
-    names: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--name", metavar="NAME", help="Only objects with this name: may be repeated."
-        ),
-    ] = None,
+    layers: OnlyLayers = None,
+    names: OnlyNames = None,
     area: Annotated[
         str | None,
         typer.Option("--in", metavar="AREA|ROOM", help=f"Only this area: {AN_AREA}; or a room."),

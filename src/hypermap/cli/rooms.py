@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.options import AsJson, Force, MapPath, OptionalMapOutput, check_new_map
 from hypermap.cli.robot_options import OccupancyName, RobotRadius
 from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, out, say, say_json, table
@@ -20,16 +20,7 @@ if TYPE_CHECKING:
 
 def command(
     path: MapPath,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="OUT",
-            show_default=False,
-            help="Save here: .hmap.",
-        ),
-    ] = None,
+    output: OptionalMapOutput = None,
     occupancy: OccupancyName = None,
     least_area: Annotated[
         float, typer.Option("--least-area", metavar="M2", help="Minimum area of a room.")
@@ -78,9 +69,7 @@ def command(
     from hypermap.rooms import RoomSettings, graph, load_kinds, rooms_of_map, with_rooms
 
     if output is not None:
-        if output.suffix.lower() != ".hmap":
-            raise HypermapError(f"{output}: a map with rooms is saved as .hmap")
-        check_output(output, force)
+        check_new_map(output, force)
     try:
         settings = RoomSettings(least_area, widest_door, widest_opening)
     except ValueError as error:

@@ -20,16 +20,24 @@ if TYPE_CHECKING:
     from hypermap.simulation.levels import Errors
     from hypermap.simulation.world import WorldObject
 
-ERRORS = "none|fair|robot|drift|rough|harsh|FILE"
-WHAT_ERRS = (
-    "Errors of camera, localization, detector and map: none; fair: depth and detections as usual; "
-    "robot: also poses that drift and jump, walls mistaken for objects; drift: the same with poses "
-    "from odometry, off by 1 % of the way and 1 degree per 10 m; rough: robot and small lasting "
-    "errors (clock, mounting, dark surfaces, false places, a map made by a laser); harsh: twice "
-    "these; or a YAML file that changes single values of fair."
-)
-SENSORS = "kinect_v1|realsense_d435|tof"
-WHAT_SENSOR = "Depth camera: its noise, range, steps and flying pixels, as published."
+ErrorLevel = Annotated[
+    str,
+    typer.Option(
+        metavar="none|fair|robot|drift|rough|harsh|FILE",
+        help="Errors of camera, localization, detector and map: none; fair: depth and detections "
+        "as usual; robot: also poses that drift and jump, walls mistaken for objects; drift: the "
+        "same with poses from odometry, off by 1 % of the way and 1 degree per 10 m; rough: robot "
+        "and small lasting errors (clock, mounting, dark surfaces, false places, a map made by a "
+        "laser); harsh: twice these; or a YAML file that changes single values of fair.",
+    ),
+]
+SensorName = Annotated[
+    str,
+    typer.Option(
+        metavar="kinect_v1|realsense_d435|tof",
+        help="Depth camera: its noise, range, steps and flying pixels, as published.",
+    ),
+]
 _SIZES = {"320x240": 1, "640x480": 2}
 MOST_DAYS = 1000
 
@@ -54,14 +62,8 @@ def command(
             help="Save here: a recording, in a new folder or a new file that ends in .bag.",
         ),
     ],
-    errors: Annotated[
-        str,
-        typer.Option(
-            metavar=ERRORS,
-            help=WHAT_ERRS,
-        ),
-    ] = "robot",
-    sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
+    errors: ErrorLevel = "robot",
+    sensor: SensorName = "kinect_v1",
     seed: Annotated[
         int, typer.Option(min=0, help="Random seed for all errors and the placement of furniture.")
     ] = 0,

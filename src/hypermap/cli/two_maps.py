@@ -15,6 +15,24 @@ SameFrame = Annotated[
     bool, typer.Option("--same-frame", help="Do not align: all maps are in the frame of MAP.")
 ]
 
+InitialPose = Annotated[
+    str | None,
+    typer.Option(
+        "--initial",
+        metavar="X,Y,YAW",
+        show_default="anywhere",
+        help="Approximate pose of OTHER's origin on MAP, in meters and degrees.",
+    ),
+]
+ComparisonPicture = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        show_default=False,
+        help="Draw the result: both maps on top of each other, as .png or .svg.",
+    ),
+]
+
 
 def pose_on(
     first: Hypermap, second: Hypermap, about: Pose2D | None, same_frame: bool, name: Path

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.options import AsJson, Force, check_output
+from hypermap.cli.options import AsJson, Force, OptionalMapOutput, check_new_map
 from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.value_sources import check_sources, joined, read, read_layer
@@ -36,10 +36,7 @@ def command(
             "used again.",
         ),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="OUT", show_default=False, help="Save here: .hmap."),
-    ] = None,
+    output: OptionalMapOutput = None,
     onto: Annotated[
         Path | None,
         typer.Option(
@@ -327,9 +324,7 @@ def _checked(method: str, output: Path | None, force: bool) -> Path:
         raise HypermapError(f"--method {method!r}: expected one of {', '.join(METHODS)}")
     if output is None:
         raise HypermapError("no output file: give -o OUT.hmap")
-    if output.suffix.lower() != ".hmap":
-        raise HypermapError(f"{output}: a map with measured values is saved as .hmap")
-    check_output(output, force)
+    check_new_map(output, force)
     return output
 
 

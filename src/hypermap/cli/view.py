@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import Force, MapPath, check_output
+from hypermap.cli.options import Force, MapPath, Port, check_output
 from hypermap.cli.public_url import PublicUrl, check_public_url
 from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import followed_site
@@ -23,15 +23,7 @@ if TYPE_CHECKING:
 
 def command(
     path: MapPath,
-    port: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=65535,
-            show_default="8090, or the next one that is free",
-            help="Port to listen on: 0 for any free port.",
-        ),
-    ] = None,
+    port: Port = None,
     host: Annotated[
         str,
         typer.Option(
