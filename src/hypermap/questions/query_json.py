@@ -35,7 +35,7 @@ def query_of(values: Any) -> Query:
     given["ids"] = tuple(_whole(one, "ids") for one in _list(given.get("ids", ()), "ids"))
     given["when"] = _times(given.get("when"))
     if given.get("as_of") is not None:
-        given["as_of"] = parse_moment(given["as_of"], "as_of")
+        given["as_of"] = _moment(given["as_of"], "as_of")
     if given.get("measured") is not None:
         given["measured"] = _measured(given["measured"])
     if given.get("number") is not None:
@@ -151,7 +151,7 @@ def _when(values: Any, where: str) -> When:
     given = _checked(values, where, When)
     for key in ("since", "until"):
         if given.get(key) is not None:
-            given[key] = parse_moment(given[key], f"{where}.{key}")
+            given[key] = _moment(given[key], f"{where}.{key}")
     made: When = _made(When, given, where)
     return made
 
@@ -176,7 +176,7 @@ def _number_of(values: Any) -> Number:
     return made
 
 
-def parse_moment(value: Any, where: str) -> datetime:
+def _moment(value: Any, where: str) -> datetime:
     """Return a moment out of a text as 2026-11-20T10:00+01:00; without a zone, it is in UTC.
 
     Raises:
