@@ -103,6 +103,8 @@ def test_where_and_the_nearest_heed_an_area():
     (place,), (distance,) = warmth().nearest_where([2.5, 0.5], below=25, area=area)
     assert place.tolist() == [0.5, 1.5]
     assert distance == pytest.approx(math.hypot(2, 1))
+    with pytest.raises(ValueError, match="expected a single point, got 2"):
+        warmth().nearest_where([[2.5, 0.5], [0.5, 0.5]], below=25)
 
 
 def test_where_needs_a_limit_and_an_empty_layer_is_nowhere():

@@ -14,6 +14,7 @@ from hypermap.core.arrays import IntArray
 
 MOST_NUMBERS = 4096
 """How many numbers an embedding may have."""
+_AT_ONCE = 50_000  # embeddings that are read as float32 together
 _LONGEST = 1e12  # sums of unit vectors; their squares still fit into float32
 
 
@@ -150,6 +151,3 @@ class Embeddings:
             errors = np.linalg.norm(part - rounded * scale[:, np.newaxis], axis=1)
             worst = max(worst, float(errors.max()))
         return codes, scales, worst
-
-
-_AT_ONCE = 50_000

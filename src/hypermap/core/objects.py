@@ -215,7 +215,10 @@ class ObjectTable:
     def __len__(self) -> int:
         return len(self.ids)
 
-    # Computed from the footprints on first access
+    def __getstate__(self) -> dict[str, Any]:
+        return {column.name: getattr(self, column.name) for column in fields(self)}
+
+    # Computed from the columns on first access
 
     @cached_property
     def shapes(self) -> ObjectArray:
@@ -226,9 +229,6 @@ class ObjectTable:
     def centroids(self) -> NDArray[np.float64]:
         """Centroids of the shapes [m], shape (N, 2)."""
         return np.asarray(shapely.get_coordinates(shapely.centroid(self.shapes)))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {column.name: getattr(self, column.name) for column in fields(self)}
 
     @cached_property
     def areas(self) -> NDArray[np.float64]:

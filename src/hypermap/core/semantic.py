@@ -113,8 +113,8 @@ class SemanticLayer(Layer):
     __copy__ = copy
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = self.kept_evidence  # a function may not be picklable
-        return vars(self) | {"_writing": None, "kept_evidence": kept() if callable(kept) else kept}
+        # A function may not be picklable.
+        return vars(self) | {"_writing": None, "kept_evidence": self._evidence_ever()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _writing=threading.Lock())
@@ -196,7 +196,7 @@ class SemanticLayer(Layer):
         Raises:
             FormatError: If it is in a file that cannot be read.
         """
-        kept = self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
+        kept = self._evidence_ever()
         return None if kept is None else kept.of(self.ids)
 
     def evidence_of(self, object_id: int) -> EvidenceTable:
@@ -207,8 +207,12 @@ class SemanticLayer(Layer):
             FormatError: If the evidence is in a file that cannot be read.
         """
         self._rows_there(self._now, [object_id])
-        kept = self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
+        kept = self._evidence_ever()
         return EvidenceTable.empty() if kept is None else kept.of([object_id])
+
+    def _evidence_ever(self) -> EvidenceTable | None:
+        """Return the evidence, also that for objects that were removed."""
+        return self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
 
     def pictures(self, object_id: int) -> tuple[ObjectPicture, ...]:
         """Return the pictures of one object, best first; may be empty.

@@ -12,7 +12,14 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, ObjectArray, PointsLike, as_objects, as_points_xy
+from hypermap.core.arrays import (
+    BoolArray,
+    ObjectArray,
+    PointsLike,
+    as_objects,
+    as_point_xy,
+    as_points_xy,
+)
 from hypermap.core.cell_outlines import cell_outlines
 from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Hits, Layer, RasterPicture, check_count
@@ -286,10 +293,10 @@ class ValueLayer(Layer):
             Centers (K, 2) and distances (K,) [m], nearest first; K is at most `k`.
 
         Raises:
-            ValueError: If neither limit is given, or `k` is below 1.
+            ValueError: If neither limit is given, `k` is below 1, or it is not one point.
         """
         check_count(k)
-        point = as_points_xy(point_xy)[0]
+        point = as_point_xy(point_xy)
         if self.grid is None:
             return np.empty((0, 2)), np.empty(0)
         centers = self.grid.centers(*np.nonzero(self._asked(above, below, area)))
