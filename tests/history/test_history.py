@@ -7,11 +7,14 @@ from collections.abc import Callable
 from datetime import datetime, timezone
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
+from numpy.typing import NDArray
 from shapely import affinity
 
 from hypermap import Hypermap, HypermapError, SemanticLayer, SemanticObject, open_map
+from hypermap.core.embeddings import Embeddings
 from hypermap.core.history import MAP_ID, MAP_VERSION, Change, Mapped, Revision
 from hypermap.history import as_of, at_version, begun, grown, in_force, next_expiry
 from hypermap.history.policy import HistoryPolicy
@@ -101,6 +104,27 @@ def test_a_map_is_known_at_every_time_since_its_history_began(tmp_path: Path) ->
             assert past.mapper_state is past.history is None
     with pytest.raises(HypermapError, match="its history begins with version 2"):
         as_of(hypermap, MONDAY - 1)
+
+
+class Encoder:
+    """Encodes every text as what object 1 looks like."""
+
+    model = "an encoder"
+
+    def texts(self, texts: list[str]) -> NDArray[np.float32]:
+        return np.tile(np.float32([0, 1]), (len(texts), 1))
+
+
+def test_objects_of_the_past_are_found_by_what_they_look_like() -> None:
+    hypermap = office()
+    looks = np.eye(2, dtype=np.float16), np.ones(2, np.float32)
+    hypermap.semantic().kept_embeddings = Embeddings(Encoder.model, np.arange(2), *looks)
+    for time, name in ((MONDAY, "stool"), (TUESDAY, "chair")):
+        hypermap.semantic().rename(1, name)
+        hypermap = grown(hypermap, time)
+    (found,) = hypermap.as_of(MONDAY + 60).find_like("a seat", k=1, encoder=Encoder())
+    assert found.object is not None
+    assert (found.object.id, found.object.name) == (1, "stool")
 
 
 def test_mapping_logs_what_diff_would_show_and_an_edit_everything() -> None:

@@ -112,6 +112,17 @@ class SemanticLayer(Layer):
 
     __copy__ = copy
 
+    def with_objects(self, objects: Iterable[SemanticObject]) -> SemanticLayer:
+        """Return a layer with other objects, and otherwise the contents of this one.
+
+        Raises:
+            ValueError: If two objects have the same id.
+        """
+        other = self.copy()
+        other._now = ObjectStore.of(ObjectTable.of([]), next_id=0)
+        other.add(objects)
+        return other
+
     def __getstate__(self) -> dict[str, Any]:
         # A function may not be picklable.
         return vars(self) | {"_writing": None, "kept_evidence": self._evidence_ever()}

@@ -126,12 +126,7 @@ def _undo(objects: dict[int | None, SemanticObject], change: Change) -> None:
 def _holding(layer: SemanticLayer, objects: dict[int | None, SemanticObject]) -> SemanticLayer:
     """Return a layer of other objects, in the order of their ids."""
     ordered = sorted(objects.values(), key=lambda item: -1 if item.id is None else item.id)
-    evidence = layer.kept_evidence
-    other = SemanticLayer(
-        layer.name, layer.frame_id, ordered, layer.settings, layer.rejected, evidence
-    )
-    other.kept_pictures = layer.kept_pictures
-    return other
+    return layer.with_objects(ordered)
 
 
 def _stamp(moment: datetime | str | float) -> float:
