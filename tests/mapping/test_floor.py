@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hypermap.core.trajectory import compose, invert, pose_from_rpy
 from hypermap.mapping.config import profile
 from hypermap.mapping.floor import Floor, FloorSampler
+from hypermap.mapping.preflight import option_text
 from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
@@ -62,6 +63,31 @@ def test_a_wrong_floor_is_found_and_brought_level_to_nought(
     assert again.is_level
     assert again.tilt_deg < 0.5
     assert abs(again.offset) < 0.02
+
+
+@pytest.mark.parametrize(("degrees", "is_level"), [(1, True), (10, False)])
+def test_far_from_the_origin_the_floor_is_measured_and_turned_where_the_camera_is(
+    frames: list[RgbdFrame], degrees: float, is_level: bool
+) -> None:
+    """As with coordinates of a whole country, such as those of UTM."""
+    there = compose(
+        pose_from_rpy(5e5, 5e6, 0, math.radians(degrees), 0, 0), pose_from_rpy(-3, -2, 0, 0, 0, 0)
+    )
+    floor = seen_in(frames, there)
+    assert floor is not None
+    assert floor.is_level == is_level
+    assert floor.offset == pytest.approx(0, abs=0.15)
+    assert "z = 0 under the camera" in str(floor) or is_level
+    level = floor.level_T_map()
+    again = seen_in(frames, compose(level, there))
+    assert again is not None
+    assert again.tilt_deg < 0.5
+    assert again.offset == pytest.approx(0, abs=0.02)
+    assert compose(level, there)[:2, 3] == pytest.approx(there[:2, 3], abs=0.5)
+    given = [float(number) for number in option_text(level, floor).split(",")]
+    assert pose_from_rpy(*given) @ [5e5, 5e6, 0, 1] == pytest.approx(
+        level @ [5e5, 5e6, 0, 1], rel=0, abs=0.02
+    )
 
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
-from hypermap.core.trajectory import compose, rpy_from_pose
-from hypermap.mapping.preflight import clock_offset, leveling_pose
+from hypermap.core.trajectory import compose
+from hypermap.mapping.preflight import clock_offset, leveling_pose, option_text
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.recording import OnBadFrame
 from hypermap.recordings import RecordingOptions, open_recording
@@ -95,9 +95,8 @@ def _leveled(path: Path, options: RecordingOptions) -> RecordingOptions:
         note(f"level: within {floor.tilt_deg:.1f} degrees, so the world is unchanged")
         return options
     pose = compose(pose, options.world_pose())
-    numbers = ",".join(f"{number:.4f}" for number in rpy_from_pose(pose))
     note(
         f"level: the floor is tilted by {floor.tilt_deg:.1f} degrees and lies at "
-        f"{floor.offset:.2f} m; the world is moved by --world-transform={numbers}"
+        f"{floor.offset:.2f} m; the world is moved by --world-transform={option_text(pose, floor)}"
     )
     return replace(options, map_T_world=tuple(pose.ravel().tolist()))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,7 @@ _UNIT_TOLERANCE = 0.1
 _LOWEST_CAMERA = 0.3  # meters; below it, such a factor looks the same as a wrong height
 _TURNED = 0.7  # least mean cosine between z and another axis of the images than the upward one
 _BENT = 0.05  # meters; depth errors may lift one side of the visible floor by so much
+_FAR = 100.0  # meters from the origin; farther away, a rotation about it would carry the map off
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +52,19 @@ class Floor:
 
     Attributes:
         normal: its upward normal in the map, shape (3,).
-        offset: its distance from the map's origin along the normal [m].
+        offset: its distance from `about` along the normal [m].
         span: length and width of the visible part [m].
         camera_z: height of the camera in the map, mean of all frames [m].
+        about: the point of the plane z = 0 at which its height is measured, shape (3,) [m]: at the
+            cameras, as at the origin a slight tilt would be meters of height. Of a floor that is
+            not nearly level, it is the origin, unless that is far away.
     """
 
     normal: NDArray[np.float64]
     offset: float
     span: tuple[float, float]
     camera_z: float = 0.0
+    about: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
     @property
     def tilt_deg(self) -> float:
@@ -87,8 +92,14 @@ class Floor:
         explained = math.degrees(math.atan2(_BENT, self.span[1]))
         return self.tilt_deg > _TILT_DEG + explained
 
-    def level_T_map(self) -> NDArray[np.float64]:  # noqa: N802
-        """Return the smallest rotation and lift that put the floor at z = 0, shape (4, 4)."""
+    def level_T_map(self, *, lifts: bool = True) -> NDArray[np.float64]:  # noqa: N802
+        """Return the smallest rotation and lift that put the floor at z = 0, shape (4, 4).
+
+        The rotation is about the origin, or about the floor at the cameras if these are far away.
+
+        Args:
+            lifts: whether it is lifted, too.
+        """
         up, z = self.normal, np.array([0.0, 0.0, 1.0])
         axis, cosine = np.cross(up, z), float(up[2])
         sine = float(np.linalg.norm(axis))
@@ -99,9 +110,12 @@ class Floor:
             K = np.array([[0, -w, y], [w, 0, -x], [-y, x, 0]])
             share = 1 / (1 + cosine) if cosine > 0 else (1 - cosine) / sine**2  # equal, but stable
             rotation = np.eye(3) + K + K @ K * share
+        pivot = self.about if is_far(self.about) else np.zeros(3)
         pose = np.eye(4)
         pose[:3, :3] = rotation
-        pose[2, 3] = -self.offset
+        pose[:3, 3] = pivot - rotation @ pivot
+        if lifts:
+            pose[2, 3] -= self.offset + up @ (self.about - pivot)
         return pose
 
     def __str__(self) -> str:
@@ -110,10 +124,11 @@ class Floor:
             axis = ("-" if self.normal[nearest] < 0 else "") + "xyz"[nearest]
             off = math.degrees(math.acos(min(abs(float(self.normal[nearest])), 1.0)))
             side = "below" if self.offset < 0 else "above"
+            place = "z = 0 under the camera" if self.about.any() else "its origin"
             return (
                 f"the world of the recording is not level: its floor is tilted by {off:.0f} "
                 f"degrees against its {axis} axis, though z has to point up, and is "
-                f"{abs(self.offset):.2f} m {side} its origin"
+                f"{abs(self.offset):.2f} m {side} {place}"
             )
         return (
             f"the floor of the recording is at z = {self.offset:.2f} m instead of z = 0"
@@ -133,6 +148,11 @@ class Floor:
                     "right, --depth-scale?)"
                 )
         return ""
+
+
+def is_far(place: NDArray[np.float64]) -> bool:
+    """Return whether a place is far from the origin, as in coordinates of a whole country."""
+    return float(np.hypot(place[0], place[1])) > _FAR
 
 
 class FloorSampler:
@@ -200,12 +220,14 @@ class FloorSampler:
         up = -self.axes[:, 1]
         if len(points) < _TRIED:
             return None
+        about = np.mean([pose[:3, 3] for _, _, pose in self._frames], axis=0) * (1, 1, 0)
+        points = points - about
         camera_z = float(np.mean(self._heights))
         floors = []
         for normal in _directions(normals, up):
             found = _lowest_plane(points, normals, normal)
             if found is not None:
-                floor = replace(found[0], camera_z=camera_z)
+                floor = _measured_at(found[0], about, camera_z)
                 found = floor, found[1]
                 if floor.normal[2] >= _LEVEL or floor.normal @ up > _UPRIGHT:
                     floors.append(found)
@@ -219,6 +241,13 @@ class FloorSampler:
                 return floor
         floor, count = max(floors, key=_count)
         return floor if count >= _LEAST_SHARE_TILTED * len(points) else None
+
+
+def _measured_at(floor: Floor, about: NDArray[np.float64], camera_z: float) -> Floor:
+    """Return a floor, given by points relative to the place of the cameras, as in the map."""
+    if floor.normal[2] >= _LEVEL or is_far(about):
+        return replace(floor, about=about, camera_z=camera_z)
+    return replace(floor, offset=floor.offset + float(floor.normal @ about), camera_z=camera_z)
 
 
 def _count(found: tuple[Floor, int]) -> int:

@@ -156,15 +156,13 @@ class Preflight:
         if floor.is_level:
             said = f"tilted by {floor.tilt_deg:.1f} degrees, at z = {floor.offset:.2f} m"
             return Finding("level", f"the lowest level surface is {said}")
-        pose = compose(floor.level_T_map(), self._map_T_world)
-        *position, roll, pitch, yaw = rpy_from_pose(pose)
-        numbers = [f"{x:.3f}" for x in position] + [f"{x:.4f}" for x in (roll, pitch, yaw)]
+        numbers = option_text(compose(floor.level_T_map(), self._map_T_world), floor)
         return Finding(
             "level",
             str(floor),
             "the floor must be level at z = 0; otherwise it becomes a wall, and objects on it are "
             "lost",
-            f"give --level auto, or --world-transform={','.join(numbers)}",
+            f"give --level auto, or --world-transform={numbers}",
         )
 
     def _odd_depth(self) -> Finding | None:
@@ -262,10 +260,19 @@ def leveling_pose(frames: Iterable[RgbdFrame]) -> tuple[NDArray[np.float64], Flo
     may_be_table = floor.is_level and floor.offset > _WRONG_HEIGHT
     if not is_off or (may_be_table and floor.tilt_deg <= _WRONG_TILT):
         return np.eye(4), floor
-    pose = floor.level_T_map()
-    if may_be_table:
-        pose[2, 3] = 0.0
-    return pose, floor
+    return floor.level_T_map(lifts=not may_be_table), floor
+
+
+def option_text(pose: NDArray[np.float64], floor: Floor) -> str:
+    """Return a pose that levels a floor as --world-transform takes it: x,y,z,roll,pitch,yaw.
+
+    The farther from the origin the floor is, the more decimals the angles have, for a centimeter.
+    """
+    *position, roll, pitch, yaw = rpy_from_pose(pose)
+    away = float(np.linalg.norm(floor.about))
+    decimals = max(4, math.ceil(math.log10(max(100 * away, 1.0))))
+    angles = (f"{angle:.{decimals}f}" for angle in (roll, pitch, yaw))
+    return ",".join([*(f"{x:.3f}" for x in position), *angles])
 
 
 def clock_offset(frames: Iterable[RgbdFrame]) -> float | None:
