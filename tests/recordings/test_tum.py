@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import shutil
 import zlib
 from collections.abc import Callable
@@ -121,6 +122,65 @@ def test_commas_may_separate_the_numbers_of_poses(folder: Path) -> None:
     path.write_text(path.read_text().replace(" ", ", "))
     after = [frame.map_T_camera for frame in opened(folder).frames()]
     np.testing.assert_array_equal(after, before)
+
+
+EUROC = (
+    "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
+    "q_RS_z []"
+)
+
+
+def as_euroc(folder: Path, header: str, others: str = "", since: float = 0.0) -> Path:
+    """Rewrite the poses of a folder as EuRoC has them, w first, with stamps since some time [s]."""
+    path = folder / "groundtruth.txt"
+    rows = [line.split() for line in path.read_text().splitlines() if not line.startswith("#")]
+    lines = (
+        ",".join((f"{(float(row[0]) - since) * 1e9:.0f}", *row[1:4], row[7], *row[4:7])) + others
+        for row in rows
+    )
+    path.write_text("\n".join((header, *lines)))
+    return path
+
+
+@pytest.mark.parametrize(("more", "others"), [("", ""), (", v_RS_R_x [m s^-1]", ",0.5")])
+def test_the_header_of_a_trajectory_tells_its_columns_as_in_euroc(
+    folder: Path, more: str, others: str
+) -> None:
+    before = [frame.map_T_camera for frame in opened(folder).frames()]
+    path = as_euroc(folder, EUROC + more, others)
+    after = [frame.map_T_camera for frame in opened(folder).frames()]
+    np.testing.assert_allclose(after, before, atol=1e-6)
+    (note,) = read_trajectory(path, 1.0)[1]
+    assert "its header names the columns timestamp [ns], p_RS_R_x [m]" in note
+    assert note.endswith("; 1 column more left out") == bool(more)
+
+
+def test_the_header_of_a_trajectory_tells_the_unit_of_its_stamps(folder: Path) -> None:
+    path = folder / "groundtruth.txt"
+    whole = read_trajectory(path, 1.0)[0].stamps
+    as_euroc(folder, EUROC, since=whole[0] - 5.0)  # since the start of a computer
+    stamps = read_trajectory(path, 1.0)[0].stamps
+    assert stamps == pytest.approx(whole - whole[0] + 5.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("header", "others", "message"),
+    [
+        (EUROC, ",0.5", "line 2: expected 8 numbers, as its header says, found 9"),
+        (
+            EUROC.replace("_x [m]", "_x [mm]"),
+            "",
+            "header: the column 'p_RS_R_x [mm]' has the unit 'mm', known are: m",
+        ),
+        (EUROC.replace("[ns]", "[min]"), "", "'timestamp [min]' has the unit 'min', known are: s"),
+    ],
+)
+def test_a_header_that_does_not_fit_is_an_error(
+    folder: Path, header: str, others: str, message: str
+) -> None:
+    path = as_euroc(folder, header, others)
+    with pytest.raises(FormatError, match=re.escape(message)):
+        read_trajectory(path, 1.0)
 
 
 @pytest.mark.parametrize("digits", [9, 6, 3])

@@ -204,7 +204,7 @@ def _check_tilts(before: NDArray[np.float64], after: NDArray[np.float64]) -> Non
         raise CannotCorrect(
             f"the poses tilt the camera by {tilt:.0f} degrees from where it was: they have to be "
             "those of its optical frame (x right, y down, z forward) in the map, with quaternions "
-            "in the order x, y, z, w, or of another --pose-convention"
+            "in the order x, y, z, w, or of another --pose-convention (w-first: w, x, y, z)"
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,23 @@ def read_lines(path: Path) -> Iterator[tuple[str, str]]:
                     yield f"line {number}", text
         except UnicodeDecodeError:
             raise FormatError("this is not a text file", path=path) from None
+
+
+def read_header(path: Path) -> list[str]:
+    """Return the names of the columns, which commas separate in a comment above the first numbers.
+
+    Returns:
+        The names of the last such comment; none if there is none, or the file cannot be read.
+    """
+    names: list[str] = []
+    with suppress(OSError, UnicodeDecodeError), path.open(encoding="utf-8-sig") as file:
+        for line in file:
+            text = line.strip()
+            if text and not text.startswith("#"):
+                break
+            if "," in text:
+                names = [name.strip() for name in text.strip("#, ").split(",")]
+    return names
 
 
 def words_of(text: str) -> list[str]:

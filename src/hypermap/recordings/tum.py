@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -21,9 +23,15 @@ from hypermap.recordings.image_lists import (
 )
 from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
-from hypermap.recordings.textfiles import finite_numbers, read_lines, words_of
+from hypermap.recordings.textfiles import finite_numbers, read_header, read_lines, words_of
 from hypermap.text import counted
 
+_TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_COLUMNS = (  # names of a stamp, a position and a quaternion, as p_RS_R_x, q_RS_w, tx, qw
+    r"t|time|stamp|time_?stamp",
+    *(rf"((p|t|pos|position)[_.]?(\w+[_.])?)?{axis}" for axis in "xyz"),
+    *(rf"q(uat|uaternion)?[_.]?(\w+[_.])?{axis}" for axis in "xyzw"),
+)
 _OTHER_FORMS = {  # by how many numbers they have in a line
     9: "; RTAB-Map writes 8 with --poses_format 10",
     12: "; matrices, as of KITTI, have no stamps: write them in this form",
@@ -191,16 +199,22 @@ def default_camera(width: int, height: int, path: Path) -> Camera:
 
 
 def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, ...]]:
-    """Return the poses of a TUM trajectory file in order of time, and notes on what was amiss.
+    """Return the poses of a trajectory file in order of time, and notes on what was amiss.
+
+    A line has a stamp, a position and a quaternion, x first, as in TUM RGB-D. A comment above the
+    numbers that names all columns, with commas between, may say otherwise, as in EuRoC.
 
     Raises:
         FileMissing: If there is no file.
         FormatError: If a line is not a stamp, a position and a quaternion, or there is none.
     """
     rows = []
+    header = _Header.of(read_header(path), path)
     for key, text in read_lines(path):
         numbers = finite_numbers(words_of(text), path, key)
-        if len(numbers) != 8:
+        if header is not None:
+            numbers = header.pose_in(numbers, path, key)
+        elif len(numbers) != 8:
             raise FormatError(
                 f"expected 8 numbers (stamp tx ty tz qx qy qz qw), found {len(numbers)}"
                 + _OTHER_FORMS.get(len(numbers), ""),
@@ -213,9 +227,10 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
     if not rows:
         raise FormatError("there are no poses in it", path=path)
     table = np.array(rows)
-    table[:, 0] = in_seconds(table[:, 0])
+    ticks = None if header is None else header.ticks
+    table[:, 0] = in_seconds(table[:, 0]) if ticks is None else table[:, 0] / ticks
     _, order = np.unique(table[:, 0], return_index=True)
-    notes = []
+    notes = [] if header is None or header.is_usual else [f"{path.name}: {header}"]
     if (np.diff(table[:, 0]) < 0).any():
         notes.append(f"the stamps of {path.name} were out of order and have been sorted")
     if len(order) < len(table):
@@ -223,6 +238,65 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
         notes.append(f"{repeated} of {path.name} left out: with the stamp of another")
     table = table[order]
     return Trajectory(table[:, 0], table[:, 1:4], table[:, 4:], max_gap), tuple(notes)
+
+
+@dataclass(frozen=True)
+class _Header:
+    """Where a trajectory file has its numbers, by the names of its columns.
+
+    Attributes:
+        names: of all columns.
+        columns: those of the stamp, x, y, z, and of the quaternion, x, y, z, w.
+        ticks: stamps per second; None if the header does not say it.
+    """
+
+    names: list[str]
+    columns: list[int]
+    ticks: float | None
+
+    @classmethod
+    def of(cls, names: list[str], path: Path) -> _Header | None:
+        """Return it; None if the names do not tell each of these columns.
+
+        Raises:
+            FormatError: If stamps or positions have another unit than we know.
+        """
+        plain = [re.sub(r"\[.*", "", name).strip().lower() for name in names]
+        found = [[i for i, name in enumerate(plain) if re.fullmatch(p, name)] for p in _COLUMNS]
+        if any(len(places) != 1 for places in found):
+            return None
+        columns = [places[0] for places in found]
+        units = ["".join(re.findall(r"\[(.*)\]", names[i])).strip() for i in columns]
+        for i, known in ((0, _TICKS), (1, ("m",)), (2, ("m",)), (3, ("m",))):
+            if units[i] and units[i] not in known:
+                raise FormatError(
+                    f"the column {names[columns[i]]!r} has the unit {units[i]!r}, known are: "
+                    f"{', '.join(known)}",
+                    path=path,
+                    key="header",
+                )
+        return cls(names, columns, _TICKS.get(units[0]))
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether the columns are those that a file without such a header has."""
+        return self.columns == list(range(8)) == list(range(len(self.names)))
+
+    def pose_in(self, numbers: list[float], path: Path, key: str) -> list[float]:
+        """Return the numbers of a line in the usual order."""
+        if len(numbers) != len(self.names):
+            raise FormatError(
+                f"expected {len(self.names)} numbers, as its header says, found {len(numbers)}",
+                path=path,
+                key=key,
+            )
+        return [numbers[i] for i in self.columns]
+
+    def __str__(self) -> str:
+        others = len(self.names) - len(self.columns)
+        left_out = f"; {counted(others, 'column')} more left out" if others else ""
+        told = ", ".join(self.names[i] for i in self.columns)
+        return f"its header names the columns {told}{left_out}"
 
 
 def _tolerant(path: Path) -> Iterator[tuple[str, str]]:
