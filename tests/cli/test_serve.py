@@ -174,6 +174,17 @@ def test_agents_see_the_map_that_is_served_now(serve, room_map, tmp_path):
     assert server.stop(signal.SIGINT) == 0
 
 
+def test_the_library_for_agents_is_named_if_it_is_missing(hypermap, room_map, monkeypatch):
+    for module in [name for name in sys.modules if name.startswith("hypermap.agents.")]:
+        monkeypatch.delitem(sys.modules, module)
+    for module in [name for name in sys.modules if name.partition(".")[0] == "mcp"]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "mcp", None)
+    result = hypermap("serve", room_map, "--foxglove", "--port", "0", "--mcp")
+    assert result.code == 2
+    assert result.err.endswith("pip install 'hypermap[mcp]'\n")
+
+
 def test_clients_change_nothing_unless_they_may_and_what_they_replace_is_kept(
     serve, room_map, tmp_path
 ):

@@ -323,6 +323,12 @@ def test_two_methods_have_two_names(tmp_path: Path) -> None:
             chosen_methods(words, [str(file)])
 
 
+def test_ctrl_c_at_a_terminal_is_left_to_the_process_that_has_started_the_others():
+    interrupted = "__import__('signal').raise_signal(2) or 'goes on'"
+    waiting = "int(2 in __import__('signal').pthread_sigmask(0, []))"  # from its start on
+    assert sorted(in_processes(eval, [f"{interrupted}, {waiting}"] * 2, 2)) == [("goes on", 1)] * 2
+
+
 def test_a_process_that_dies_is_an_error() -> None:
     with pytest.raises(HypermapError, match="a process died over a drive, for want of memory"):
         list(in_processes(os._exit, [3, 3], 2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -86,6 +87,13 @@ def test_work_that_kills_every_worker_is_given_up_and_others_go_on(
         bad.result()
     assert [future.result() for future in good] == [0, 1, 2, 3, 4]
     assert len(tally.read_text()) == TRIES
+
+
+def test_ctrl_c_does_not_reach_a_worker_that_is_just_starting() -> None:
+    with Processes(1) as workers:
+        (pid,) = workers.pids
+        os.kill(pid, signal.SIGINT)
+        assert workers.submit(os.getpid).result() == pid
 
 
 def test_closing_ends_what_is_being_done(tmp_path: Path) -> None:

@@ -8,16 +8,18 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import uvicorn
-from mcp.server import Server
 from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from hypermap.core.errors import HypermapError
 from hypermap.viewer.live.serving import config_of, listen
+
+if TYPE_CHECKING:  # `mcp_server` says which extra is missing
+    from mcp.server import Server
 
 PATH = "/mcp"
 

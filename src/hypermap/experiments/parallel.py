@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
 
 from hypermap.core.errors import HypermapError
+from hypermap.fleet import terminal_signals
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -32,12 +33,17 @@ def in_processes(
         return
     # A forked process would inherit the threads of the compiled loops in an unknown state.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+    with ProcessPoolExecutor(jobs, context, initializer=terminal_signals.ignore) as pool:
+
+        def start(item: Item) -> Future[Result]:
+            with terminal_signals.left_to_this_process():
+                return pool.submit(work, item)
+
         try:
             # Signals come to the main thread. One that came amid the start of a process would leave
             # a pool that never ends.
             with ThreadPoolExecutor(1) as starter:
-                starting = [starter.submit(pool.submit, work, item) for item in items]
+                starting = [starter.submit(start, item) for item in items]
             for done in as_completed([future.result() for future in starting]):
                 yield done.result()
         except BrokenProcessPool as error:
@@ -45,7 +51,7 @@ def in_processes(
                 "a process died over a drive, for want of memory or by a fault of a library; with "
                 "--jobs 1 there is only this one"
             ) from error
-        except BaseException:  # Ctrl-C or SIGTERM, of which not all of them need hear
+        except BaseException:  # Ctrl-C or SIGTERM, of which they need not hear
             pool.shutdown(wait=False, cancel_futures=True)
             for child in multiprocessing.active_children():
                 child.terminate()

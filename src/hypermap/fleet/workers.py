@@ -6,7 +6,6 @@ import contextlib
 import multiprocessing
 import os
 import queue
-import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -16,6 +15,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from hypermap.core.errors import HypermapError
+from hypermap.fleet import terminal_signals
 from hypermap.fleet.calls import answer, packed, resolve
 
 T = TypeVar("T")
@@ -159,7 +159,8 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self._connection, other = context.Pipe()
         self.process: SpawnProcess = context.Process(target=_work, args=[other], daemon=True)
-        self.process.start()
+        with terminal_signals.left_to_this_process():
+            self.process.start()
         other.close()
 
     def answer(self, call: bytes) -> bytes:
@@ -179,8 +180,7 @@ class _Worker:
 
 def _work(connection: Connection) -> None:
     """Run functions until the parent process is gone."""
-    for number in (signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGINT)):
-        signal.signal(number, signal.SIG_IGN)  # they go to all processes of a terminal
+    terminal_signals.ignore()
     with contextlib.suppress(EOFError, OSError):
         while True:
             connection.send_bytes(answer(connection.recv_bytes()))
