@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError, FrameError
-from hypermap.core.moving_frames import Motion, MovingFrames
-from hypermap.core.trajectory import Trajectory
+from hypermap.core.moving_frames import Motion
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera
 from hypermap.perception.pose_convention import optical_offset
+from hypermap.recordings.bag.camera_motion import CameraMotion
 from hypermap.recordings.bag.contents import Contents, seconds
 from hypermap.recordings.bag.decode import (
     Geometry,
@@ -27,9 +27,8 @@ from hypermap.recordings.bag.file import Topic
 from hypermap.recordings.bag.topics import ChosenTopics
 from hypermap.recordings.messages.camera import camera_of_info, rectification_of_info
 from hypermap.recordings.messages.clouds import fit_camera
-from hypermap.recordings.messages.header import as_seconds, clean_frame
+from hypermap.recordings.messages.header import as_seconds
 from hypermap.recordings.messages.topic_names import names_rectified
-from hypermap.recordings.messages.transforms import leap_of
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 from hypermap.recordings.problems import problems_of
@@ -40,7 +39,6 @@ if TYPE_CHECKING:
     from hypermap.perception.registration import Registration
 
 DEPTH_SCALE = 1000.0  # units per meter, REP 118
-MAP_FRAME = "map"  # REP 105
 _Image = TypeVar("_Image", Geometry, NDArray[np.uint8])
 
 
@@ -54,6 +52,7 @@ class BagPlan:
         self._topics = topics
         self._contents = contents
         self._options = options
+        self._camera_motion = CameraMotion(contents, options)
 
     def problems(self) -> list[str]:
         """Return a sentence for everything missing without which there are no frames."""
@@ -93,7 +92,8 @@ class BagPlan:
 
     def left_out(self) -> list[str]:
         """Return sentences on parts of the bag that can be read, but give no frame."""
-        notes = [*self._tree[1], *self.frames.notes, *self._least_known(), *self._leaps()]
+        where = self._camera_motion
+        notes = [*where.left_out, *self.frames.notes, *where.least_known(), *where.leaps()]
         if repeated := self._contents.geometry.repeated + self._contents.color.repeated:
             notes.append(f"{counted(repeated, 'image')} left out: with the stamp of another")
         return notes
@@ -226,75 +226,32 @@ class BagPlan:
         """Return `color_T_depth`, the pose of the depth camera in the color camera, (4, 4)."""
         if self._options.color_T_depth is not None:
             return self._options.depth_pose()
-        tree, _ = self._tree
-        frames = self._contents.color.frame_id, self._camera_frame
+        color_frame = self._contents.color.frame_id
         try:
-            poses = tree.motion(*frames).at(self._contents.geometry.seconds()[:1])
-            return optical_offset(poses[0], self._options.pose_convention)
+            pose = self._camera_motion.pose_in(color_frame)
+            return optical_offset(pose, self._options.pose_convention)
         except FrameError as error:
             raise FormatError(
-                f"tf has no transform to the color camera ({frames[0]!r}), to which depth is to "
+                f"tf has no transform to the color camera ({color_frame!r}), to which depth is to "
                 f"be registered (--register): {error}; give --depth-transform"
             ) from None
 
     @cached_property
     def motion(self) -> Motion:
         """The motion of the camera in the map."""
-        tree, _ = self._tree
-        known = ", ".join(tree.frames)
-        if not known:
-            raise FormatError(
-                "there is no tf, so the camera's poses are unknown; record /tf and /tf_static"
-            )
+        self._camera_motion.check_recorded()  # which is said also if there are no images
         _ = self.geometry_topic
-        if not self._camera_frame:
-            raise FormatError("the depth messages name no frame; name it with --camera-frame")
-        if self._camera_frame not in tree.frames:
-            raise FormatError(
-                f"tf has no frame {self._camera_frame!r}, the camera's; it has {known}; record "
-                "/tf_static as well, or name the camera's frame with --camera-frame"
-            )
-        if self.map_frame not in tree.frames:
-            raise FormatError(
-                f"tf has no frame {self.map_frame!r}; it has {known} (fixed: "
-                f"{', '.join(tree.roots)}); name one with --map-frame"
-            )
-        if self.map_frame_notes and not tree.moves(self._camera_frame):
-            raise FormatError(
-                f"tf has no frame {MAP_FRAME!r}, and camera frame {self._camera_frame!r} does not "
-                f"move relative to the root of tf, {self.map_frame!r}; it has {known}; record /tf "
-                "as well, or, if the camera stood still, name its fixed frame with --map-frame"
-            )
-        try:
-            return tree.motion(self.map_frame, self._camera_frame)
-        except FrameError as error:
-            raise FormatError(
-                f"tf has no transform from the camera to the map: {error}; name another fixed "
-                "frame with --map-frame"
-            ) from None
+        return self._camera_motion.motion
 
-    @cached_property
+    @property
     def map_frame(self) -> str:
-        """The frame of the map: from the user, or `map`, or else the root above the camera.
-
-        `motion` checks whether tf has the frame.
-        """
-        if self._options.map_frame is not None:
-            return clean_frame(self._options.map_frame)
-        tree, _ = self._tree
-        if MAP_FRAME in tree.frames or self._camera_frame not in tree.frames:
-            return MAP_FRAME
-        return tree.root_of(self._camera_frame)
+        """The frame of the map: from the user, or `map`, or else the root above the camera."""
+        return self._camera_motion.map_frame
 
     @property
     def map_frame_notes(self) -> list[str]:
         """A sentence on the map's frame, if the user gave none and it is not `map`."""
-        if self._options.map_frame is not None or self.map_frame == MAP_FRAME:
-            return []
-        return [
-            f"tf has no frame {MAP_FRAME!r}: the map is made in {self.map_frame!r}, the root above "
-            "the camera, whose z axis must point up (--map-frame)"
-        ]
+        return self._camera_motion.map_frame_notes
 
     @cached_property
     def frames(self) -> FramePlan:
@@ -305,39 +262,9 @@ class BagPlan:
         try:
             return plan_frames(depth, color, motion, span, self._options)
         except FormatError as error:
-            said = [str(error), *self._tree[1], *self._least_known()]
+            where = self._camera_motion
+            said = [str(error), *where.left_out, *where.least_known()]
             raise FormatError("; ".join(said)) from None
-
-    def _leaps(self) -> list[str]:
-        """Return sentences on frames that seem to be in two places, between camera and map."""
-        edges = self._tree[0].edges_between(self.map_frame, self._camera_frame).items()
-        leaps = {edge: leap_of(one) for edge, one in edges if isinstance(one, Trajectory)}
-        return [
-            f"frame {child!r} jumps to and fro in {parent!r}, by {leap:.2f} m: if two nodes "
-            "publish where it is, some of the poses are wrong"
-            for (parent, child), leap in leaps.items()
-            if leap > 0
-        ]
-
-    def _least_known(self) -> list[str]:
-        """Return which transform is missing at most of the images, as a sentence, if one is."""
-        stamps = self._contents.geometry.seconds() + self._options.time_offset
-        begin, end = self._contents.transforms.span()
-        is_within = ((stamps >= begin) & (stamps <= end)).mean() > 0.5
-        if self._tree[1] or not is_within:  # which says more
-            return []
-        edges = self._tree[0].edges_between(self.map_frame, self._camera_frame)
-        known = {edge: float(motion.covers(stamps).mean()) for edge, motion in edges.items()}
-        worst = min(known, key=lambda edge: known[edge], default=("", ""))
-        if known.get(worst, 1.0) > 0.5:
-            return []
-        log = self._contents.transforms.stamps(worst)
-        parent, child = worst
-        return [
-            f"tf says at {known[worst]:.0%} of the images where {child!r} is in {parent!r}: it has "
-            f"{counted(len(log), 'transform')}, from {log.min():.3f} to {log.max():.3f} s; "
-            "record it more often, or in tf_static if it is fixed"
-        ]
 
     @cached_property
     def stamps(self) -> list[tuple[int, ...]]:
@@ -364,23 +291,6 @@ class BagPlan:
         topic, scale = self.geometry_topic, self.depth_scale
         read = partial(decode_geometry, topic, units_per_meter=scale)
         return _usual(_readable(read, self._contents.geometry.firsts), lambda found: found.size)
-
-    @cached_property
-    def _tree(self) -> tuple[MovingFrames, list[str]]:
-        try:
-            return self._contents.transforms.frames(self._options.max_pose_gap)
-        except FrameError as error:
-            raise FormatError(
-                f"tf is broken: {error}; one of the nodes that publish them has to stop, or swap "
-                "parent and child; record again"
-            ) from None
-
-    @property
-    def _camera_frame(self) -> str:
-        """The camera's optical frame; empty if the messages do not name it."""
-        if self._options.camera_frame:
-            return clean_frame(self._options.camera_frame)
-        return self._contents.geometry.frame_id
 
     @cached_property
     def _rectified(self) -> tuple[Rectification | None, str]:
