@@ -14,7 +14,7 @@ from hypermap.core.trajectory import pose_from_rpy
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map
 from hypermap.perception.frame import RgbdFrame
-from hypermap.ros.mapper.live_map import LiveMap
+from hypermap.ros.mapper.measured_layers import MeasuredLayers
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.ros1.messages import message_class
 
@@ -71,7 +71,7 @@ def test_samples_become_a_layer_that_moves_with_a_loop_closure(
     for frame in drifted:
         publish["/warm"].publish(reading(frame))
         publish["/warm"].publish(reading(frame))  # too soon after the one before
-    wait_for(lambda: len(node.live_map.values[0]) == len(frames), "all samples")
+    wait_for(lambda: len(node.live_map.values.layers[0]) == len(frames), "all samples")
     assert node.logged("there is a layer 'temperature' already")
     publish["/odd"].publish("warm")
     wait_for(lambda: node.logged("/odd: --field 'data': is not a number"), "what is wrong there")
@@ -108,10 +108,10 @@ def test_a_wrong_text_is_refused_at_the_start() -> None:
 
 
 def test_a_layer_goes_on_after_a_pause_of_the_node() -> None:
-    live_map = LiveMap(LiveSettings(depth_topic="/depth", detections_topic="/found"))
-    layer = live_map.begin_values("temperature", "temperature", "°C")
+    values = MeasuredLayers("map", None)
+    layer = values.begin("temperature", "temperature", "°C")
     with pytest.raises(HypermapError, match="there is a layer 'temperature' already"):
-        live_map.begin_values("temperature", "temperature", "°C")
-    live_map.end_values("temperature")
-    assert live_map.begin_values("temperature", "temperature", "°C") is layer
-    assert live_map.values == [layer]
+        values.begin("temperature", "temperature", "°C")
+    values.end("temperature")
+    assert values.begin("temperature", "temperature", "°C") is layer
+    assert values.layers == [layer]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +25,11 @@ from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import load_detector, sources
 from hypermap.perception.frame import Camera, DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
+from hypermap.ros.mapper.measured_layers import MeasuredLayers
 from hypermap.ros.mapper.saved_files import SavedFiles
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.mapper.statistics import Fate
 
-# What estimates values takes a third of a second to import, so only those who measure any do.
-if TYPE_CHECKING:
-    from hypermap.values.growing import GrowingLayer
-
-_OWN_LAYERS = ("occupancy", "semantic")
 _DRIVE = "live"  # the name of what is mapped here
 
 
@@ -66,9 +61,7 @@ class LiveMap:
         self._given: OccupancyLayer | None = None
         self._lock = threading.Lock()
         self._source = _beside_others(_source(settings, self.config), self._lock)
-        self.values: list[GrowingLayer] = []
-        self._grow: set[str] = set()  # names of those that samples come for now
-        self._onto = onto
+        self.values = MeasuredLayers(self._frame_id, onto)
         self._mapper = self._new_mapper() if onto is None else self._going_on(settings, onto)
         if onto is not None:
             self.files.know(onto)
@@ -114,58 +107,6 @@ class LiveMap:
                 return Fate.REPEATED, "", None
         return Fate.UNUSABLE, "it is too far away", None
 
-    def begin_values(self, name: str, quantity: str, unit: str) -> GrowingLayer:
-        """Return a layer of measured values: that of before a pause, or a new one.
-
-        A new one continues that of the map to go on with.
-
-        Args:
-            name: of the layer.
-            quantity: what is measured.
-            unit: of it; empty for that of the layer that is continued.
-
-        Raises:
-            HypermapError: If another layer has the name.
-        """
-        from hypermap.values.growing import GrowingLayer
-        from hypermap.values.on_map import known_layer, method_of, samples_of
-
-        if name in (*_OWN_LAYERS, *self._grow):
-            raise HypermapError(
-                f"there is a layer {name!r} already; give the quantity another name"
-            )
-        self._grow.add(name)
-        for before in self.values:
-            if before.name == name:
-                return before
-        known = None if self._onto is None else known_layer(self._onto, name)
-        if known is None or known.samples is None or self._onto is None:
-            layer = GrowingLayer(name, self._frame_id, quantity, unit)
-        else:
-            method, half_life = method_of(known)
-            layer = GrowingLayer(
-                name,
-                self._frame_id,
-                known.quantity,
-                known.unit or unit,
-                samples_of(self._onto, known, self._onto.base_frame),
-                method=method,
-                half_life=half_life,
-            )
-        self.values.append(layer)
-        return layer
-
-    def end_values(self, name: str) -> None:
-        """Let a layer of measured values be begun again, as once the node is active again."""
-        self._grow.discard(name)
-
-    def unit_of_values(self, name: str) -> str:
-        """Return the unit of a layer of the map to go on with; empty where there is none."""
-        from hypermap.values.on_map import known_layer
-
-        known = None if self._onto is None else known_layer(self._onto, name)
-        return "" if known is None else known.unit
-
     def walls(self) -> OccupancyLayer:
         """Return the occupancy layer so far."""
         with self._lock:
@@ -174,12 +115,12 @@ class LiveMap:
     @property
     def state(self) -> tuple[int, ...]:
         """What differs after every change, by frames or samples."""
-        return self.revision, *(layer.revision for layer in self.values)
+        return self.revision, *self.values.revisions
 
     @property
     def is_new(self) -> bool:
         """Whether frames or samples have come, beyond those of earlier runs."""
-        return self.frames > 0 or any(layer.is_new for layer in self.values)
+        return self.frames > 0 or self.values.are_new
 
     def give_occupancy(self, layer: OccupancyLayer) -> None:
         """Take the occupancy layer of another node, and correct poses by it from now on."""
@@ -212,9 +153,7 @@ class LiveMap:
             correction = self._mapper.correct(trajectory, is_under_way=True, least=least)
             if correction is not None:
                 self.revision += 1
-                motions = correction.motions()
-                for layer in self.values:
-                    layer.move(motions.moved)
+                self.values.move(correction.motions().moved)
             return correction
 
     def take_edits(self, edited: Hypermap) -> None:
@@ -239,10 +178,8 @@ class LiveMap:
         """Forget all frames, and the map with which mapping went on."""
         with self._lock:
             self._mapper = self._new_mapper()
-            self._onto = None
             self.files.forget()
-            for layer in self.values:
-                layer.clear()
+            self.values.clear()
             self.revision += 1
 
     @property
@@ -288,17 +225,7 @@ class LiveMap:
             whole = whole.with_layers(replaced(whole, [given]))
         elif not mapper.makes_occupancy and mapper.occupancy().grid is None:
             whole.remove(mapper.occupancy().name)
-        return self._with_values(whole)
-
-    def _with_values(self, whole: Hypermap) -> Hypermap:
-        if not self.values:
-            return whole
-        from hypermap.values.on_map import with_value_layer
-
-        for growing in self.values:
-            if (layer := growing.layer()) is not None:
-                whole = with_value_layer(whole, layer)
-        return whole
+        return self.values.added_to(whole)
 
     def _new_mapper(self) -> Mapper:
         none = None if self._makes_occupancy else OccupancyLayer("occupancy", self._frame_id)

@@ -131,9 +131,9 @@ class _Quantity:
             HypermapError: If the layer cannot have these samples.
         """
         name = self._source.name(self._reading.quantity)
-        self._unit_of_map = live_map.unit_of_values(name)
+        self._unit_of_map = live_map.values.unit_of(name)
         unit = self._measured([]).unit
-        self._layer: GrowingLayer = live_map.begin_values(name, name, unit)
+        self._layer: GrowingLayer = live_map.values.begin(name, name, unit)
         self._topics = [
             (kind, OnDemand(self._port, topic_name(name, kind.suffix), kind.type_name))
             for kind in kinds_of(ValueLayer, self._port)
@@ -190,7 +190,7 @@ class _Quantity:
         self.take()
         if self._layer.is_new:
             self._solve(live_map)
-        live_map.end_values(self._layer.name)
+        live_map.values.end(self._layer.name)
 
     def _message(self, kind: Kind) -> Message:
         layer = self._layer.layer() or ValueLayer(self._layer.name, self._map_frame)
