@@ -40,7 +40,7 @@ class Scan:
 
     @cached_property
     def known_xy(self) -> FloatArray:
-        """Centers of all known cells [m]."""
+        """Centers of all known cells [m], shape (N, 2)."""
         return np.concatenate([self.occupied_xy, self.free_xy])
 
     @cached_property
@@ -128,7 +128,10 @@ class Field:
         return cls(low, resolution, distance.astype(np.float32), known)
 
     def at(self, points_xy: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return the distance at each point, between cells linearly, and whether it is known."""
+        """Return the distance at each point [m], and whether it is known, shape (N,) each.
+
+        Between the centers of cells it is interpolated.
+        """
         cols, rows = np.rint(self._cells_of(points_xy)).astype(int).T
         height, width = self.known.shape
         inside = (rows >= 0) & (rows < height) & (cols >= 0) & (cols < width)

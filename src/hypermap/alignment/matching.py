@@ -302,7 +302,7 @@ class _Distances:
     _last: dict[bytes, _Seen] = dataclasses.field(default_factory=dict)
 
     def at(self, parameters: FloatArray) -> FloatArray:
-        """Return the distances [m], first of b's points, then of a's."""
+        """Return the distances [m], first of b's points, then of a's, shape (N,)."""
         _, (far_a, _), _, (far_b, _) = self._seen(parameters)
         far: FloatArray = np.concatenate([far_a, far_b])
         return far.clip(max=self.most)

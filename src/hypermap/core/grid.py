@@ -115,9 +115,10 @@ class GridGeometry:
         return shapely.Polygon(self.corners())
 
     def cells_in(self, area: BaseGeometry) -> tuple[IntArray, IntArray]:
-        """Return rows and columns of the cells whose center the area covers, in row-major order.
+        """Return rows and columns of the cells whose center the area covers, shape (M,) each.
 
-        A center on the area's boundary counts. Lengths below a millionth of a cell are ignored.
+        They are in row-major order. A center on the area's boundary counts. Lengths below a
+        millionth of a cell are ignored.
 
         Args:
             area: any geometry in the layer's frame; a line or point covers the centers on it.

@@ -36,11 +36,11 @@ class FixedPose:
     pose: NDArray[np.float64]
 
     def covers(self, stamps: ArrayLike) -> NDArray[np.bool_]:
-        """Return True for each stamp."""
+        """Return True for each stamp, shape (M,)."""
         return np.ones(len(np.atleast_1d(stamps)), dtype=bool)
 
     def at(self, stamps: ArrayLike) -> NDArray[np.float64]:
-        """Return the pose, once for each stamp."""
+        """Return the pose, once for each stamp, shape (M, 4, 4)."""
         return np.repeat(self.pose[np.newaxis], len(np.atleast_1d(stamps)), axis=0)
 
 
@@ -51,11 +51,11 @@ class Inverse:
     motion: Motion
 
     def covers(self, stamps: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether the motion is known at each stamp."""
+        """Return whether the motion is known at each stamp [s], shape (M,)."""
         return self.motion.covers(stamps)
 
     def at(self, stamps: ArrayLike) -> NDArray[np.float64]:
-        """Return the inverse poses."""
+        """Return the inverse poses at stamps [s], shape (M, 4, 4)."""
         return invert(self.motion.at(stamps))
 
 
@@ -66,14 +66,14 @@ class Chain:
     links: tuple[Motion, ...]
 
     def covers(self, stamps: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether every link is known at each stamp."""
+        """Return whether every link is known at each stamp [s], shape (M,)."""
         known = np.ones(len(np.atleast_1d(stamps)), dtype=bool)
         for link in self.links:
             known &= link.covers(stamps)
         return known
 
     def at(self, stamps: ArrayLike) -> NDArray[np.float64]:
-        """Return the composed poses."""
+        """Return the composed poses at stamps [s], shape (M, 4, 4)."""
         identities = FixedPose(np.eye(4)).at(stamps)
         return compose(identities, *(link.at(stamps) for link in self.links))
 

@@ -222,7 +222,7 @@ class ObjectTable:
 
     @cached_property
     def shapes(self) -> ObjectArray:
-        """The footprints for queries, repaired where they are not valid."""
+        """The footprints for queries, repaired where they are not valid, shape (N,)."""
         return valid_copies(self.footprints)
 
     @cached_property
@@ -261,7 +261,7 @@ class ObjectTable:
         return as_objects(self.vocabulary)
 
     def rows_of(self, what: str | float) -> IntArray:
-        """Return the rows of the objects with a name or, for a number, an id."""
+        """Return the rows of the objects with a name or, for a number, an id, shape (M,)."""
         if isinstance(what, str):
             return np.flatnonzero(self.codes == self.vocabulary.get(what, -1))
         return np.flatnonzero(self.ids == what)

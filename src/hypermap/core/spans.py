@@ -30,7 +30,7 @@ class _Window:
     col: int
 
     def positions(self, rows: FloatArray, x: FloatArray) -> IntArray:
-        """Return the elements at integer coordinates, as positions in the flattened window.
+        """Return the elements at integer coordinates, as positions in the flattened window, (N,).
 
         Points left or right of the window, however far, count as the begin or end of their row.
         """

@@ -74,7 +74,7 @@ def calibration_error(bins: Sequence[Bin]) -> float | None:
 def judged(
     objects: Sequence[Sequence[SemanticObject]], evaluations: Sequence[Evaluation]
 ) -> tuple[NDArray[np.float64], BoolArray]:
-    """Return the confidence of each object of some maps, and whether it is true.
+    """Return the confidence of each object of some maps, and whether it is true, (N,) each.
 
     An object is true if it is a find at the lowest threshold. Objects without a confidence are left
     out.

@@ -83,7 +83,10 @@ def find_frontiers(
 
 
 def frontier_cells(free: BoolArray, unknown: BoolArray) -> BoolArray:
-    """Return which free cells touch unknown ones; everything off the grid is unknown."""
+    """Return which free cells touch unknown ones, shape (height, width).
+
+    Everything off the grid is unknown.
+    """
     touching = np.zeros_like(unknown)
     touching[1:] |= unknown[:-1]
     touching[:-1] |= unknown[1:]

@@ -51,7 +51,7 @@ class Lens:
             raise ValueError("the coefficients must be finite, and sensors not tilted (tau is 0)")
 
     def distorted(self, points_xy: FloatArray) -> FloatArray:
-        """Return where the lens shows some points, NaN where it shows others there.
+        """Return where the lens shows points, shape (..., 2); NaN where it shows others there.
 
         Far from the center, a polynomial may turn back, so that two points are shown at one place;
         the lens shows the nearer one.
@@ -63,7 +63,7 @@ class Lens:
         return shown
 
     def undistorted(self, points_xy: FloatArray) -> FloatArray:
-        """Return the points that the lens shows at some places; NaN where it shows none.
+        """Return the points that the lens shows at places, shape (..., 2); NaN where it shows none.
 
         By Newton's method, with derivatives from differences.
         """

@@ -235,7 +235,7 @@ class Finder:
         return room
 
     def places_of_rooms(self, found: Matches) -> IntArray:
-        """Return for each object the place of its room among the rooms; -1 where it is in none.
+        """Return the place of each object's room among the rooms, shape (N,); -1 for none.
 
         A room is its own.
         """

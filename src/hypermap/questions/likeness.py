@@ -43,7 +43,7 @@ def most_like(
         encoder: of the text; None for the one that the environment names.
 
     Returns:
-        The rows of the objects, and the cosines, the largest first.
+        The rows of the objects, and the cosines, shape (K,) each, the largest first.
 
     Raises:
         HypermapError: If no object of the map was embedded, or by other encoders.

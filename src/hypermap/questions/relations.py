@@ -138,7 +138,7 @@ def any_pair(
 
 
 def are_near(found: Matches, others: Matches, within: float) -> BoolArray:
-    """Return which objects are within a distance [m] of another one that is not itself.
+    """Return which objects are within a distance [m] of another one, not itself, shape (N,).
 
     Raises:
         HypermapError: If too many pairs would have to be compared.
@@ -171,7 +171,7 @@ def _check_few(count: int, most: int) -> None:
 
 
 def are_carrying(found: Matches, others: Matches) -> BoolArray:
-    """Return which objects have another one on them: its middle is in their footprint."""
+    """Return which objects have another one on them, its middle in their footprint, (N,)."""
     on = Stacks("on", others, found)
     middles: ObjectArray = np.asarray(shapely.points(others.centroids))
 
@@ -183,7 +183,7 @@ def are_carrying(found: Matches, others: Matches) -> BoolArray:
 
 
 def are_between(found: Matches, one: BaseGeometry, other: BaseGeometry) -> BoolArray:
-    """Return which objects are between two shapes, and not on one of them.
+    """Return which objects are between two shapes, and not on one of them, shape (N,).
 
     Their middles lie in the convex hull of both, or they are on the straight line between the
     middles of these, as what is in the way of someone who goes from one to the other.

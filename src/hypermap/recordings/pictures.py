@@ -95,7 +95,7 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
 
 
 def depth_in_meters(integers: NDArray[np.uint16], units_per_meter: float) -> NDArray[np.float32]:
-    """Return integer depth as meters, float32; 0 and the largest number are no return, NaN."""
+    """Return integer depth as meters, float32, (H, W); NaN for 0 and the largest number."""
     depth = np.divide(integers, np.float32(units_per_meter), dtype=np.float32)
     for value in (0, _MOST_INTEGER):
         np.copyto(depth, np.nan, where=integers == value)

@@ -89,7 +89,7 @@ def finite_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
 
 
 def read_matrix(path: Path, *sizes: int) -> NDArray[np.float64]:
-    """Return a square matrix of one of some sizes; it may hold NaN and infinite numbers.
+    """Return a matrix, shape (N, N) for one of some sizes; it may hold NaN and infinite numbers.
 
     Raises:
         FileMissing: If there is no such file.

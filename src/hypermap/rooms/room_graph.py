@@ -33,7 +33,7 @@ class Graph:
     widths: NDArray[np.float64]
 
     def parts(self) -> NDArray[np.int64]:
-        """Return the connected component of each room, as a number."""
+        """Return the connected component of each room, as a number, shape (N,)."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 

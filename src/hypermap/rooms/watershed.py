@@ -21,7 +21,7 @@ CONTRACTION = 0.8
 
 
 def clearance(blocked: BoolArray) -> NDArray[np.float32]:
-    """Return the distance of each cell's center to the nearest blocked one's, in cells."""
+    """Return the distance of each cell's center to the nearest blocked one's, in cells, (H, W)."""
     return scipy.ndimage.distance_transform_edt(~blocked).astype(np.float32)
 
 
@@ -46,7 +46,7 @@ def basins(far: NDArray[np.float32], widest: float) -> NDArray[np.int32]:
 
 
 def in_order(labels: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return labels from 1 on by their first cell, row by row; negative ones become 0."""
+    """Return labels, (H, W), from 1 on by their first cell, row by row; negative ones become 0."""
     there, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     new = np.zeros(len(there), dtype=np.int32)
     kept = np.flatnonzero(there >= 0)

@@ -167,7 +167,7 @@ class _HitMap:
     def matched(
         self, points: NDArray[np.float64], guess: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the pose, near a guess, from which a scan fits the map so far."""
+        """Return the pose, x, y and yaw [m, m, rad], near a guess, where a scan (N, 2) [m] fits."""
         points = points[np.hypot(*points.T) < _REACH]
         (row, col), reach = self.grid.cells_at(guess[np.newaxis, :2])[0], int(10 / RESOLUTION)
         rows = slice(max(row - reach, 0), row + reach)

@@ -94,7 +94,7 @@ def _write(recording: Recording, folder: Path, on_frame: Callable[[], None]) -> 
 
 
 def depth_units(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Return depth as the benchmark's images hold it; 0 for no return or beyond 13.1 m."""
+    """Return depth, (H, W), as the benchmark's images hold it; 0 for none or beyond 13.1 m."""
     units = np.round(np.nan_to_num(depth, nan=0.0, posinf=0.0) * DEPTH_SCALE)
     units[units > np.iinfo(np.uint16).max] = 0
     return units.astype(np.uint16)

@@ -221,7 +221,7 @@ class SolvedField:
     def known(
         self, mean: NDArray[np.float64], variance: NDArray[np.float64], is_floor: BoolArray
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return values and deviations of some cells; NaN where samples say too little."""
+        """Return values and deviations of given cells; NaN where samples say too little."""
         nowhere = (variance > _UNEXPLAINED * self._whole_variance) | ~is_floor
         deviations = self.settings.deviation * np.sqrt(np.maximum(variance, 0))
         return np.where(nowhere, np.nan, mean), np.where(nowhere, np.nan, deviations)

@@ -37,8 +37,8 @@ def plot(
         hypermap: the map.
         axes: where to draw; their limits become those of the map. None for a figure of its own,
             made by `matplotlib.pyplot`.
-        layers: names of the layers to draw; None for all that can be drawn.
-        names: classes of objects to draw; None for all.
+        layers: names of the layers to draw, or one; None for all that can be drawn.
+        names: classes of objects to draw, or one; None for all.
         area: what to show, in the base frame [m]; None for all that is known.
         frontiers: borders of the unknown, numbered as given, with where to stand.
         contours: whether to draw lines of equal value over measured values.
@@ -47,7 +47,8 @@ def plot(
         legend: whether to add a legend of the classes, to the right of the map.
 
     Raises:
-        HypermapError: If there is nothing to draw, no value has contours, or a name is unknown.
+        HypermapError: If there is nothing to draw, the area is empty or far away, no value has
+            contours, or a name is unknown.
         LayerNotFound: If there is no such layer.
     """
     drawing = compose(

@@ -18,8 +18,8 @@ from hypermap.core.objects import ObjectTable, SemanticObject
 class KeptObjects(Protocol):
     """The objects of a layer at one moment: an `ObjectStore`, or one that a database answers for.
 
-    Queries return rows, -1 for none, that ascend in the order of the layer; `column` and `object`
-    return what they contain.
+    Queries return rows, shape (M,), or -1 for none, that ascend in the order of the layer; `column`
+    and `object` return what they contain.
     """
 
     def __len__(self) -> int: ...

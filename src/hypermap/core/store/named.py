@@ -49,9 +49,11 @@ def _rows_of_name(now: Snapshot, name: str) -> IntArray:
 def nearest(
     now: Snapshot, what: str | float, point_xy: NDArray[np.float64], k: int
 ) -> tuple[IntArray, NDArray[np.float64]]:
-    """Return the k rows with a name or id that are nearest to a point, and their distances [m].
+    """Return the k rows with a name or id that are nearest to a point of shape (2,).
 
-    Nearest first, ties by the distance to the centroid.
+    Returns:
+        Rows and distances [m], both of shape (K,), nearest first, ties by the distance
+        to the centroid.
     """
     rows = having(now, what)
     if len(rows) > max(k, _MANY):

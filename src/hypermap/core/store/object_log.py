@@ -124,7 +124,7 @@ class ObjectLog:
 
     @cached_property
     def ended(self) -> NDArray[np.int64]:
-        """Which change ended each row, counted from 1; a very large number if none did."""
+        """Which change ended each row, from 1 on, shape (R,); a very large number if none did."""
         return np.full(self.first + self._capacity, _NEVER)
 
     @cached_property
@@ -148,7 +148,7 @@ class ObjectLog:
         return names
 
     def table_rows_of(self, code: int) -> IntArray:
-        """Return the rows of the table that have a name."""
+        """Return the rows of the table that have a name, shape (M,)."""
         if code not in self._of_code:
             self._of_code[code] = np.flatnonzero(self.table.codes == code)
         return self._of_code[code]

@@ -23,8 +23,8 @@ class ObjectStore(Snapshot):
 
     Immutable: a change makes a new one.
 
-    Queries return rows, -1 for none; `column` and `object` return what they contain. A row is valid
-    for one store only.
+    Queries return rows, shape (M,), or -1 for none; `column` and `object` return what they contain.
+    A row is valid for one store only.
 
     Attributes:
         next_id: above all ids so far.

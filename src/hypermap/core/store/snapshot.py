@@ -75,7 +75,7 @@ class Snapshot:
         return values
 
     def names(self, rows: IntArray) -> ObjectArray:
-        """Return the names of some rows."""
+        """Return the names of some rows, shape (N,)."""
         return np.asarray(self.log.names[self.column("codes", rows)])
 
     def name(self, row: int) -> str:
@@ -107,7 +107,7 @@ class Snapshot:
     # Which rows exist, and in which order
 
     def is_there(self, rows: IntArray) -> BoolArray:
-        """Return which of some rows no change has ended."""
+        """Return which of some rows no change has ended, shape (N,)."""
         if self.changes == 0:
             return np.ones(len(rows), dtype=bool)
         return np.asarray(self.log.ended[rows] > self.changes)

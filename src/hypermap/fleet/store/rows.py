@@ -265,7 +265,7 @@ def cells_of(
 def tile_of(
     content: bytes, place: tuple[int, int], grid: GridGeometry, kind: np.dtype[Any]
 ) -> NDArray[Any]:
-    """Return the cells of the tile at (tile_row, tile_col) of a grid.
+    """Return the cells of the tile at (tile_row, tile_col) of a grid, shape (h, w).
 
     Raises:
         StoreError: If it is damaged, or unpacks to more than a tile.

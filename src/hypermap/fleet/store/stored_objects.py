@@ -86,7 +86,7 @@ class StoredObjects:
         return column
 
     def names(self, rows: IntArray) -> ObjectArray:
-        """Return the names of some rows."""
+        """Return the names of some rows, shape (N,)."""
         return self.take(rows).names
 
     def name(self, row: int) -> str:
@@ -145,11 +145,11 @@ class StoredObjects:
         return rows[np.argsort(self._areas(rows), kind="stable")]
 
     def in_area(self, area: BaseGeometry) -> IntArray:
-        """Return the rows of the objects that meet an area."""
+        """Return the rows of the objects that meet an area, shape (M,)."""
         return self._in_area(area, "")
 
     def named(self, what: str | float, area: BaseGeometry | None = None) -> IntArray:
-        """Return the rows of the objects with a name or id, in an area or anywhere."""
+        """Return the rows of the objects with a name or id, in an area or anywhere, shape (M,)."""
         if isinstance(what, str):
             return self.with_names([what], area)
         if what != what // 1 or not 0 <= what <= MAX_ID:

@@ -31,7 +31,7 @@ _FEWEST_CORNERS = 4  # of a ring that ends where it begins
 
 
 def outlines_from_wkt(lines: bytes) -> ObjectArray | None:
-    """Return the polygons of lines of well-known text; None where one has not just one ring.
+    """Return the polygons of lines of well-known text, (N,); None if one has not just one ring.
 
     None as well where a polygon is none that an object can have, or the text is not plain.
     """

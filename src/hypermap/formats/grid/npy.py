@@ -30,7 +30,7 @@ def dump_npy(array: NDArray[Any], dtype: DTypeLike) -> bytes:
 
 
 def parse_npy(content: bytes, dtype: DTypeLike, path: str) -> NDArray[Any]:
-    """Return the rows and columns that a file holds, read-only.
+    """Return the rows and columns that a file holds, read-only, shape (R, C).
 
     Args:
         content: the file.

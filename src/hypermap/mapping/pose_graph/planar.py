@@ -34,7 +34,7 @@ def moved(map_T_camera: Array, before: Array, after: Array) -> Array:
 
 
 def wrapped(angles: Array) -> Array:
-    """Return angles [rad] normalized to -pi..pi."""
+    """Return angles [rad] normalized to -pi..pi, in the same shape."""
     return np.asarray((angles + math.pi) % math.tau - math.pi)
 
 

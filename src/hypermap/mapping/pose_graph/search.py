@@ -158,7 +158,7 @@ class Surroundings:
 
 
 def thinned(points: Array) -> Array:
-    """Return one point per cell and band, and not more than can be compared fast."""
+    """Return one point per cell and band, and not more than can be compared fast, shape (M, 3)."""
     keys = np.column_stack([np.floor(points[:, :2] / _SIDE), np.digitize(points[:, 2], _BANDS)])
     _, chosen = np.unique(keys.astype(np.int64), axis=0, return_index=True)
     chosen.sort()

@@ -11,9 +11,15 @@ from hypermap.core.arrays import FloatArray, IntArray
 def suppress(
     xyxy: FloatArray, scores: FloatArray, class_ids: IntArray, iou_threshold: float
 ) -> NDArray[np.intp]:
-    """Return the indices of the boxes to keep, by descending score.
+    """Return the indices of the boxes to keep, by descending score, shape (K,).
 
     A box is dropped if it overlaps a better one of its class by more than the threshold.
+
+    Args:
+        xyxy: the boxes [pixels], shape (N, 4).
+        scores: of each, shape (N,).
+        class_ids: of each, shape (N,).
+        iou_threshold: the largest IoU of two boxes of a class that both stay.
 
     >>> boxes = np.array([[0, 0, 10, 10], [1, 0, 10, 10], [0, 0, 10, 9.0]])
     >>> suppress(boxes, np.array([0.8, 0.9, 0.7]), np.array([0, 0, 5]), 0.45)

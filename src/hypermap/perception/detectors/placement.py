@@ -48,7 +48,7 @@ class Placement:
         return np.clip(corners, 0, self.image_size).reshape(-1, 4).astype(np.float32)
 
     def to_input(self, columns: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return image coordinates, measured from its upper left corner, as the input's."""
+        """Return coordinates on the image [pixels], shape (N,), as coordinates on the input."""
         return (
             columns * (self.size[0] / self.image_size[0]) + self.left,
             rows * (self.size[1] / self.image_size[1]) + self.top,

@@ -61,13 +61,13 @@ class _Named:
             self.model: str = self._embedder.model
 
     def images(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
-        """Return a unit vector for each image."""
+        """Return a unit vector for each RGB image, uint8, (H, W, 3); shape (N, D)."""
         with self._errors("cannot embed images"):
             vectors: NDArray[np.float32] = self._embedder.images(images)
         return vectors
 
     def texts(self, texts: list[str]) -> NDArray[np.float32]:
-        """Return a unit vector for each text."""
+        """Return a unit vector for each text, shape (N, D)."""
         with self._errors("cannot embed texts"):
             vectors: NDArray[np.float32] = self._embedder.texts(texts)
         return vectors

@@ -88,7 +88,7 @@ def color_of_compressed(message: Any) -> NDArray[np.uint8]:
 
 
 def without_invalid(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return depth in meters with NaN wherever it is not a positive number.
+    """Return depth in meters, float32, (H, W), with NaN wherever it is not a positive number.
 
     Source: REP 117 (infinite: out of range).
     """

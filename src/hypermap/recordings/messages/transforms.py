@@ -60,7 +60,7 @@ class TransformLog:
         return min(float(s.min()) for s in stamps), max(float(s.max()) for s in stamps)
 
     def stamps(self, edge: Edge) -> NDArray[np.float64]:
-        """Return the stamps of the moving transforms of an edge [s], in the order of recording."""
+        """Return the stamps of an edge's moving transforms [s], (N,), in the order of recording."""
         return np.frombuffer(self._moving[edge])[::8]
 
     def frames(self, max_gap: float) -> tuple[MovingFrames, list[str]]:

@@ -130,7 +130,7 @@ def plan_reply(types: ReplyTypes, poses: NDArray[np.float64], frame_id: str, sta
 
 
 def as_int32(values: ArrayLike) -> NDArray[np.int32]:
-    """Return numbers as messages carry them: rounded, cut to 32 bits, -1 for NaN.
+    """Return numbers, (N,), as messages carry them: rounded, cut to 32 bits, -1 for NaN.
 
     >>> as_int32([1.6, float("nan"), 1e20])
     array([         2,         -1, 2147483647], dtype=int32)
