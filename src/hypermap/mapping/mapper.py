@@ -411,12 +411,12 @@ class Mapper:
 
     def _state(self, published: list[SemanticObject]) -> MapperState:
         """Return a copy of the state that is needed to continue."""
-        first_cell, log_odds = self._occupancy.log_odds()
+        first_cell, log_odds = self._made_cells()
         return MapperState(
             tracks=self.evidence.tracks(),
             keyframe=self.keyframes.last,
             first_cell=first_cell,
-            log_odds=None if self._given_occupancy is not None else log_odds,
+            log_odds=log_odds,
             drives=self._intake.drives(),
             counts=self._intake.all_counts,
             published=published,
@@ -427,9 +427,12 @@ class Mapper:
 
     def _map_before(self) -> MapBefore:
         """Return the present map, from which the next frames can be mapped again."""
+        return MapBefore.of(self.evidence.tracks(), *self._made_cells())
+
+    def _made_cells(self) -> tuple[NDArray[np.int64], NDArray[np.float32] | None]:
+        """Return the first cell and the log-odds of all; None for these if the layer was given."""
         first_cell, log_odds = self._occupancy.log_odds()
-        given = self._given_occupancy is not None
-        return MapBefore.of(self.evidence.tracks(), first_cell, None if given else log_odds)
+        return first_cell, log_odds if self.makes_occupancy else None
 
     def occupancy(self) -> OccupancyLayer:
         """Return the first layer of the map: the given one, or the one made from depth so far."""
