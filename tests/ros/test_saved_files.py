@@ -40,9 +40,14 @@ class Node:
         self.lines: list[str] = []
         self.map = LiveMap(settings)
         port: Any = self
-        self._saving = Saving(port, settings, self.map, Throttle(self.log))
-        self.save = lambda: self._saving.store("")
-        self.close = self._saving.close
+        self.activate = lambda: Saving(port, settings, self.map, Throttle(self.log))
+        self._saving = self.activate()
+        self.save = lambda name="": self._saving.store(name)
+        self.close = lambda: self._saving.close()
+
+    def activate_again(self) -> None:
+        self.close()
+        self._saving = self.activate()
 
     def log(self, level: str, text: str) -> None:
         self.lines.append(f"{level}: {text}")
@@ -190,6 +195,23 @@ def test_a_map_that_another_program_puts_in_its_place_stays(node: Node, file: Pa
         f"error: another program has replaced {file}, which stays as it is; this map is saved in "
         f"{beside} from now on"
     )
+
+
+def test_a_node_that_has_saved_beside_another_map_goes_on_there(node: Node, file: Path) -> None:
+    """Also once it is activated again, or if a client names the file."""
+    save_map(Hypermap([SemanticLayer("semantic", "map", [square("desk", 0, 0)])]), file)
+    node.show(20)
+    node.activate_again()
+    node.show(40)
+    node.save(file.name)
+    node.show(60)
+    node.activate_again()
+    assert names(file) == ["desk"]
+    assert sorted(one.name for one in file.parent.glob("*.hmap")) == ["office-1.hmap", file.name]
+    assert open_map(file.with_name("office-1.hmap")).metadata["frames"]["used"] == 32
+    assert sum(line.startswith("error") for line in node.lines) == 1
+    told = f"info: the map is saved in {file.with_name('office-1.hmap')}, at the end"
+    assert node.lines.count(told) == 2
 
 
 def test_two_nodes_on_one_file_lose_nothing_to_each_other(node: Node, file: Path) -> None:

@@ -25,6 +25,7 @@ class SavedFiles:
         """Look at files that the node is about to read, or will save in; empty paths are none."""
         self._looks = {path: _look_at(path) for path in map(_real, filter(None, paths))}
         self._own: set[str] = set()
+        self._instead: dict[str, Path] = {}
         self._states: deque[bytes] = deque(maxlen=_MOST)
 
     def __contains__(self, path: Path) -> bool:
@@ -35,6 +36,16 @@ class SavedFiles:
         self._own.add(_real(path))
         self._looks[_real(path)] = _look_at(path)
         self.know(hypermap)
+
+    def leave(self, path: Path, instead: Path) -> None:
+        """Leave a file to another program: what was to be saved there is saved elsewhere."""
+        self._instead[_real(path)] = instead
+
+    def in_place_of(self, path: Path) -> Path:
+        """Return where to save what was to be saved in a file: there, if it was not left."""
+        while (instead := self._instead.get(_real(path))) is not None:
+            path = instead
+        return path
 
     def know(self, hypermap: Hypermap) -> None:
         """Remember a map that the node goes on with, or has saved, to tell edited copies of it."""

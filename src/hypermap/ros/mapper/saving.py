@@ -25,7 +25,8 @@ class Saving:
 
     What lay in a file before the node saved there for the first time stays next to it, as NAME.bak,
     also if the node is deactivated and activated in between. Mapping goes on with what people edit
-    in the file meanwhile. Where another program puts another map in its place, that one stays.
+    in the file meanwhile. Where another program puts another map in its place, that one stays, and
+    this map is saved beside it from then on, also once the node is activated again.
     """
 
     def __init__(
@@ -35,7 +36,9 @@ class Saving:
         self._port = port
         self._map = live_map
         self._log = log
-        self._path = Path(settings.save_to).absolute() if settings.save_to else None
+        self._path: Path | None = None
+        if settings.save_to:
+            self._path = live_map.files.in_place_of(Path(settings.save_to).absolute())
         self._directory = settings.map_directory
         self._every = settings.save_every
         self._saved_state = live_map.state
@@ -104,7 +107,11 @@ class Saving:
                 self._log.log("error", "saving", f"the map is not saved: {error}; trying again")
 
     def _save(self, path: Path, level: Level = "info") -> None:
-        with self._lock, turn_to_edit(path):  # an older map must not replace a newer one
+        with self._lock:  # an older map must not replace a newer one
+            self._save_in_turn(self._map.files.in_place_of(path), level)
+
+    def _save_in_turn(self, path: Path, level: Level) -> None:
+        with turn_to_edit(path):
             if self._map.files.is_changed(path):
                 path = self._after_others(path)
             state = self._map.state
@@ -138,6 +145,7 @@ class Saving:
             f"another program has replaced {path}, which stays as it is; this map is saved in "
             f"{beside} from now on",
         )
+        self._map.files.leave(path, beside)
         if path == self._path:
             self._path = beside
         return beside
