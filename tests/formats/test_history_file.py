@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import shapely
 
-from hypermap import Hypermap, HypermapError, SemanticLayer, SemanticObject, open_map
+from hypermap import Hypermap, HypermapError, SemanticLayer, SemanticObject, open_map, save_map
 from hypermap.core.history import MAP_ID, MAP_VERSION, Change, History, Revision
 from hypermap.formats.history_file import (
     HistoryFiles,
@@ -162,6 +162,25 @@ def test_of_a_damaged_history_the_rest_is_read_and_what_is_lost_is_said(
     assert "a part of the map's history is lost: 1 part " in caplog.text
     with pytest.raises(HypermapError, match="in version 2 the map is not known: a later part"):
         at_version(opened, 2)
+
+
+def test_before_an_end_of_the_history_that_is_lost_nothing_is_known(tmp_path: Path) -> None:
+    path = tmp_path / "office.hmap"
+    office(path)
+    damaged(path, b'"version":4')
+    opened = open_map(path)
+    for version in (2, 3):
+        with pytest.raises(HypermapError, match="the end of its history is lost, so only the"):
+            at_version(opened, version)
+    assert at_version(opened, 4).semantic().names.tolist() == ["stool"]
+    with pytest.raises(HypermapError, match="the end of its history is lost"):
+        opened.as_of(time.time() - 86_400)
+    assert opened.as_of(time.time() + 60).semantic().names.tolist() == ["stool"]
+    opened.semantic().remove(opened.semantic().objects()[0].id)
+    save_map(opened, path)
+    for later in (opened, open_map(path)):
+        with pytest.raises(HypermapError, match="in version 3 the map is not known: a later part"):
+            at_version(later, 3)
 
 
 @pytest.mark.parametrize("value", ['"far"', "NaN", "1e400", "true", "[1]"])

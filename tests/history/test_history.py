@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from datetime import datetime, timezone
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,6 +61,29 @@ def edits() -> dict[str, Callable[[SemanticLayer], object]]:
         "moved": lambda layer: layer.update(1, box("chair", 2.01, 1)),
         "edited": lambda layer: layer.update(1, box("chair", 2, 1, owner="Anna")),
     }
+
+
+@pytest.mark.parametrize("text", ["yesterday", "", "2026-13-01", "v1"])
+def test_a_text_that_is_not_a_time_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=rf"expected a time in ISO 8601, .*, got '{text}'"):
+        as_of(office(), text)
+
+
+@pytest.mark.parametrize("moment", [None, True, b"2026", [1.7e9]])
+def test_what_cannot_be_a_time_is_refused(moment: Any) -> None:
+    with pytest.raises(TypeError, match="expected a datetime, its ISO 8601 form or seconds"):
+        as_of(office(), moment)
+
+
+def test_a_date_is_its_beginning_here() -> None:
+    hypermap, now = office(), datetime.now().astimezone().replace(hour=0, minute=0, second=0)
+    for days, by in ((3, 0.5), (1, 1.5)):
+        moved(hypermap, 1, by)
+        hypermap = grown(hypermap, (now - timedelta(days=days)).timestamp())
+    past = hypermap.as_of((now - timedelta(days=2)).date())
+    assert past.semantic()[1].footprint.bounds[0] == pytest.approx(2.5)
+    with pytest.raises(HypermapError, match="is not known: its history begins"):
+        hypermap.as_of((now - timedelta(days=4)).date())
 
 
 def test_nan_is_not_a_time() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -142,6 +142,7 @@ class History:
         version: of the map after the last revision.
         layers: copies of the semantic layers as they were then, by name.
         mapped: what the map was made from since; None if it was not.
+        loses_end: returns whether the last of the earlier revisions are lost; None if none is.
     """
 
     earlier: Callable[[], Sequence[Revision]] | None = None
@@ -149,10 +150,19 @@ class History:
     version: int = 0
     layers: Mapping[str, SemanticLayer] = field(default_factory=dict)
     mapped: Mapped | None = None
+    loses_end: Callable[[], bool] | None = None
+
+    @property
+    def is_end_lost(self) -> bool:
+        """Whether what changed last is lost, so that nothing before it is known."""
+        return not self.added and self.loses_end is not None and self.loses_end()
 
     def revisions(self) -> list[Revision]:
         """Return all revisions, oldest first."""
-        return [*(self.earlier() if self.earlier is not None else ()), *self.added]
+        added = self.added
+        if added and self.loses_end is not None and self.loses_end():
+            added = (replace(added[0], follows_loss=True), *added[1:])
+        return [*(self.earlier() if self.earlier is not None else ()), *added]
 
     def dated(self) -> Iterator[tuple[float, Revision]]:
         """Yield each revision with the time from which on it was in force, oldest first.

@@ -7,7 +7,7 @@ the functions here call theirs by name.
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import datetime
+from datetime import date, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -145,15 +145,17 @@ class OutsideMethods:
         asked = {"taxonomy": taxonomy, "robot_radius": robot_radius, "encoder": encoder}
         return _outside("ask_map")(self, question, pose, **asked)
 
-    def as_of(self, moment: datetime | str | float) -> Hypermap:
+    def as_of(self, moment: datetime | date | str | float) -> Hypermap:
         """Return the map as it was at a time; the same as `hypermap.history.as_of`.
 
         Args:
-            moment: a datetime or its ISO 8601 form, without a zone that of this computer; or
-                seconds since 1970.
+            moment: a datetime or its ISO 8601 form, without a zone that of this computer; a date,
+                for its beginning; or seconds since 1970.
 
         Raises:
-            HypermapError: If the map keeps no history, or it does not reach back so far.
+            HypermapError: If the map keeps no history, it does not reach back so far, or is lost.
+            ValueError: If the text or number is not a time.
+            TypeError: If it is something else.
         """
         past: Hypermap = _outside("as_of")(self, moment)
         return past

@@ -55,6 +55,7 @@ class HistoryFiles:
         self.files = dict(files)
         self.where = where
         self._revisions: tuple[Revision, ...] | None = None
+        self._is_end_lost = False
         self._reading = threading.Lock()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -70,6 +71,11 @@ class HistoryFiles:
                 self._revisions = self._parsed()
             return self._revisions
 
+    def loses_end(self) -> bool:
+        """Return whether the last of the revisions cannot be read."""
+        self()
+        return self._is_end_lost
+
     def _parsed(self) -> tuple[Revision, ...]:
         revisions: list[Revision] = []
         is_lost, lost = False, 0
@@ -79,6 +85,7 @@ class HistoryFiles:
                 revisions.append(replace(revision, follows_loss=is_lost))
             is_lost = revision is None
             lost += is_lost
+        self._is_end_lost = is_lost
         if lost:
             places = f"{lost} {'part' if lost == 1 else 'parts'} of it cannot be read"
             logger.warning("%s: a part of the map's history is lost: %s", self.where, places)

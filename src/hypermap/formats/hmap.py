@@ -227,7 +227,8 @@ def _read_history(names: Any, store: Store) -> History | None:
     if not isinstance(names, list) or not names:
         return None
     files = {str(name): _read_part(str(name), store) for name in names}
-    return History(earlier=HistoryFiles(files, store.path_of(HISTORY)))
+    earlier = HistoryFiles(files, store.path_of(HISTORY))
+    return History(earlier=earlier, loses_end=earlier.loses_end)
 
 
 def _read_part(name: str, store: Store) -> bytes | None:

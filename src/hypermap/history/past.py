@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
-from datetime import datetime
+from datetime import date, datetime
+from datetime import time as clock
+from numbers import Real
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.history import MAP_VERSION, Change, Revision
@@ -17,7 +20,7 @@ from hypermap.history.grown import version_of
 from hypermap.values.past import values_at
 
 
-def as_of(hypermap: Hypermap, moment: datetime | str | float) -> Hypermap:
+def as_of(hypermap: Hypermap, moment: datetime | date | str | float) -> Hypermap:
     """Return a map as it was at a time: its objects with their names and shapes.
 
     Measured values are of the samples that had been taken by then (`values.past`). Grids,
@@ -26,15 +29,17 @@ def as_of(hypermap: Hypermap, moment: datetime | str | float) -> Hypermap:
 
     Args:
         hypermap: a map with a history.
-        moment: a datetime or its ISO 8601 form, without a zone that of this computer; or seconds
-            since 1970.
+        moment: a datetime or its ISO 8601 form, without a zone that of this computer; a date, for
+            its beginning; or seconds since 1970.
 
     Raises:
-        HypermapError: If the map keeps no history, or it does not reach back so far.
+        HypermapError: If the map keeps no history, it does not reach back so far, or is lost.
         ValueError: If the text or number is not a time.
+        TypeError: If it is something else.
     """
     stamp = _stamp(moment)
-    past, _ = _before(hypermap, lambda time, _: time > stamp, f"at {_said(stamp)}")
+    is_now = stamp >= time.time()
+    past, _ = _before(hypermap, lambda begun, _: begun > stamp, f"at {_said(stamp)}", is_now)
     return _with_values_at(in_force(past, stamp), stamp)
 
 
@@ -46,14 +51,17 @@ def at_version(hypermap: Hypermap, version: int) -> Hypermap:
             reach back so far.
     """
     check_version(hypermap, version)
-    past, stamp = _before(hypermap, lambda _, one: one.version > version, f"in version {version}")
+    is_now = version == version_of(hypermap)
+    when = f"in version {version}"
+    past, stamp = _before(hypermap, lambda _, one: one.version > version, when, is_now)
     return _with_values_at(past, stamp)
 
 
 def is_known_from_the_beginning(hypermap: Hypermap) -> bool:
     """Return whether a map's history goes back to when there was no object on it."""
     revisions = [] if hypermap.history is None else list(hypermap.history.revisions())
-    if not revisions or any(revision.follows_loss for revision in revisions):
+    is_whole = hypermap.history is not None and not hypermap.history.is_end_lost
+    if not (revisions and is_whole) or any(revision.follows_loss for revision in revisions):
         return False
     past = _without(hypermap, revisions, 0)
     return all(len(layer) == 0 for layer in past if isinstance(layer, SemanticLayer))
@@ -79,25 +87,31 @@ def _with_values_at(hypermap: Hypermap, stamp: float) -> Hypermap:
 
 
 def _before(
-    hypermap: Hypermap, is_later: Callable[[float, Revision], bool], when: str
+    hypermap: Hypermap, is_later: Callable[[float, Revision], bool], when: str, is_now: bool
 ) -> tuple[Hypermap, float]:
     """Return a map before its later revisions, and when it began to be so; infinite for now."""
-    dated = [] if hypermap.history is None else list(hypermap.history.dated())
+    history = hypermap.history
+    dated = [] if history is None else list(history.dated())
+    if history is not None and history.is_end_lost and not (is_now and dated):
+        raise HypermapError(
+            f"{when} the map is not known: the end of its history is lost, so only the present is"
+        )
     if not dated:
         raise HypermapError("the map keeps no history, so only the present is known")
-    undone = [revision for time, revision in dated if is_later(time, revision)]
+    undone = [revision for begins, revision in dated if is_later(begins, revision)]
     if len(undone) == len(dated):
         began, first = dated[0]
         said = "it was begun" if first.version == 1 else "its history begins"
         raise HypermapError(
-            f"{when} the map is not known: {said} with version {first.version}, {_said(began)}"
+            f"{when} the map is not known: {said} with version {first.version}, "
+            f"{'later that minute' if _said(began) in when else _said(began)}"
         )
     # Some of another layer may stay among those that are undone.
     since = [revision for _, revision in dated if undone and revision.version >= undone[0].version]
     if any(revision.follows_loss for revision in since):
         raise HypermapError(f"{when} the map is not known: a later part of its history is lost")
-    time, last = [pair for pair in dated if pair[1] not in undone][-1]
-    return _without(hypermap, undone, last.version), time if undone else math.inf
+    began, last = [pair for pair in dated if pair[1] not in undone][-1]
+    return _without(hypermap, undone, last.version), began if undone else math.inf
 
 
 def _without(hypermap: Hypermap, undone: list[Revision], version: int) -> Hypermap:
@@ -129,9 +143,20 @@ def _holding(layer: SemanticLayer, objects: dict[int | None, SemanticObject]) ->
     return layer.with_objects(ordered)
 
 
-def _stamp(moment: datetime | str | float) -> float:
+def _stamp(moment: datetime | date | str | float) -> float:
     if isinstance(moment, str):
-        moment = time_from_iso(moment)
+        try:
+            moment = time_from_iso(moment)
+        except ValueError:
+            raise ValueError(
+                f"expected a time in ISO 8601, such as 2026-11-24T17:00+01:00, got {moment!r}"
+            ) from None
+    elif isinstance(moment, date) and not isinstance(moment, datetime):
+        moment = datetime.combine(moment, clock())
+    if isinstance(moment, bool) or not isinstance(moment, datetime | Real):
+        raise TypeError(
+            f"expected a datetime, its ISO 8601 form or seconds since 1970, got {moment!r}"
+        )
     stamp = moment.timestamp() if isinstance(moment, datetime) else float(moment)
     if math.isnan(stamp):
         raise ValueError("the time is NaN")
