@@ -35,7 +35,7 @@ from hypermap.questions.answer import Answer, ask
 from hypermap.questions.query import MOST_LETTERS, Condition, Query, Reference, When
 from hypermap.questions.taxonomy import load_taxonomy
 from hypermap.questions.times import parse_moment
-from hypermap.rooms.questions import room_called, rooms_asked, rooms_at
+from hypermap.rooms.questions import room_asked, rooms_asked, rooms_at, rooms_of_objects
 from hypermap.rooms.rooms import Rooms, known_rooms, rooms_on
 from hypermap.text import counted
 
@@ -190,11 +190,9 @@ class Looking:
     ) -> dict[str, Any]:
         """Describe a room: its kind and area [m^2], how many of which objects, and its doors."""
         hypermap, rooms = self._rooms()
-        asked = room_called(rooms, room)
-        if asked is None:
-            (asked, *_others) = rooms_asked(hypermap, room)  # says which there are
+        asked = room_asked(rooms, room)
         found = [item for item in hypermap.objects() if item.layer != ROOMS]
-        there = rooms_at(rooms, [item.point_xy for item in found]) if found else []
+        there = rooms_of_objects(hypermap, found)
         counts = Counter(
             str(item.object.name)
             for item, its_room in zip(found, there, strict=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime, timezone
 from typing import Any
 
@@ -13,8 +13,8 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import FoundObject, Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.times import are_calendar
-from hypermap.rooms.questions import rooms_at
-from hypermap.rooms.rooms import Door, Room, Rooms, rooms_on
+from hypermap.rooms.questions import rooms_of_objects
+from hypermap.rooms.rooms import Door, Room, Rooms
 
 _MOST_CORNERS = 60  # of a path
 
@@ -26,10 +26,7 @@ def answer_of(hypermap: Hypermap, **parts: Any) -> dict[str, Any]:
 
 def object_rows(hypermap: Hypermap, found: Sequence[FoundObject]) -> list[dict[str, Any]]:
     """Return objects as JSON values: who, where, in which room, how sure and when."""
-    rooms = rooms_on(hypermap) if found else None
-    there: Iterable[Room | None] = [None] * len(found)
-    if rooms is not None:
-        there = rooms_at(rooms, [item.point_xy for item in found])
+    there = rooms_of_objects(hypermap, found)
     return [_row(item, room) for item, room in zip(found, there, strict=True)]
 
 

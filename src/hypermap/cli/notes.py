@@ -314,7 +314,7 @@ def _edit(hypermap: Hypermap, number: int, asked: AskedNote) -> FoundNote:
         )
 
     new = layer.update(number, changed)
-    return FoundNote(layer.name, new.with_place(base_T_layer.apply_geometry(new.place)))
+    return FoundNote(layer.name, new.moved(base_T_layer))
 
 
 def _remove(hypermap: Hypermap, numbers: Sequence[int], layer: str | None) -> list[FoundNote]:
@@ -323,10 +323,7 @@ def _remove(hypermap: Hypermap, numbers: Sequence[int], layer: str | None) -> li
     chosen = notes_layer(hypermap, layer)
     base_T_layer = hypermap.frames.lookup(hypermap.base_frame, chosen.frame_id)
     gone = [chosen.remove(number) for number in dict.fromkeys(numbers)]
-    return [
-        FoundNote(chosen.name, each.with_place(base_T_layer.apply_geometry(each.place)))
-        for each in gone
-    ]
+    return [FoundNote(chosen.name, each.moved(base_T_layer)) for each in gone]
 
 
 def _found(

@@ -12,8 +12,8 @@ from hypermap.questions.finder import NEXT_TO
 from hypermap.questions.query import Condition, Measured, Number, Query, Reference, When
 from hypermap.questions.sizes import Size, size_of, size_of_object
 from hypermap.questions.times import minute_of, time_of
-from hypermap.rooms.questions import rooms_at
-from hypermap.rooms.rooms import Room, rooms_on
+from hypermap.rooms.questions import rooms_of_objects
+from hypermap.rooms.rooms import Room
 from hypermap.text import printable
 
 _GIVES = {
@@ -169,7 +169,7 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
         yield from map(_cell_line, answer.cells[:_MOST])
     elif give != "count":
         found = answer.first(_MOST)
-        rooms = _rooms(hypermap, found)
+        rooms = rooms_of_objects(hypermap, found)
         is_timed = give == "last_seen" or bool(answer.query.when)
         measured = [f", {one['label']}" for one in answer.measured] or [""] * len(found)
         for item, room, value in zip(found, rooms, measured, strict=False):
@@ -185,7 +185,9 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
 
 def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:
     """Return an answer as JSON values: lengths in meters, in the base frame."""
-    rooms = answer.rooms if answer.query.give == "room" else _rooms(hypermap, answer.objects)
+    rooms = (
+        answer.rooms if answer.query.give == "room" else rooms_of_objects(hypermap, answer.objects)
+    )
     found: dict[str, Any] = {
         "query": answer.query.to_json(),
         "frame_id": hypermap.base_frame,
@@ -216,13 +218,6 @@ def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:
 def title(item: FoundObject) -> str:
     """Return what an object is called in answers: its name and id."""
     return f"{printable(item.object.name)} {item.object.id}"
-
-
-def _rooms(hypermap: Hypermap, found: tuple[FoundObject, ...]) -> list[Room | None]:
-    rooms = rooms_on(hypermap) if found else None
-    if rooms is None:
-        return [None] * len(found)
-    return rooms_at(rooms, [item.point_xy for item in found])
 
 
 def _line(item: FoundObject, room: Room | None = None) -> str:

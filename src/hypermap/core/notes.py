@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import FileMissing, HypermapError, NoteError
+from hypermap.core.frames import Pose2D
 from hypermap.core.tangles import is_sound
 
 MAX_TEXT_BYTES = 1_000_000
@@ -167,8 +168,12 @@ class Note:
         return line if len(line) <= _LONGEST_TITLE else line[: _LONGEST_TITLE - 1] + "…"
 
     def with_place(self, place: BaseGeometry) -> Note:
-        """Return the note at another place, or at the same place in another frame."""
+        """Return the note at another place."""
         return replace(self, place=place)
+
+    def moved(self, pose: Pose2D) -> Note:
+        """Return the note in another frame, in which the pose is that of the present one."""
+        return self.with_place(pose.apply_geometry(self.place))
 
     def says(self, words: str) -> bool:
         """Return whether each word is in its text, its author or the names of what is attached."""

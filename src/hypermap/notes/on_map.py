@@ -80,7 +80,7 @@ def find_notes(
         base_T_layer = hypermap.frames.lookup(base, each.frame_id)
         asked = None if in_base is None else base_T_layer.inverse().apply_geometry(in_base)
         for note in each.search(words, area=asked, since=since, until=until, author=author):
-            placed = note.with_place(base_T_layer.apply_geometry(note.place))
+            placed = note.moved(base_T_layer)
             distance = None if point is None else float(placed.place.distance(point))
             if within is None or (distance is not None and distance <= within):
                 found.append(FoundNote(each.name, placed, distance))
@@ -124,10 +124,10 @@ def add_note(
     """
     base = hypermap.base_frame
     base_T_asked = hypermap.frames.lookup(base, frame_id or base)
-    in_base = note.with_place(base_T_asked.apply_geometry(note.place))
+    in_base = note.moved(base_T_asked)
     target = layer_to_add_to(hypermap, layer)
     layer_T_base = hypermap.frames.lookup(target.frame_id, base)
-    number = target.add(in_base.with_place(layer_T_base.apply_geometry(in_base.place)))
+    number = target.add(in_base.moved(layer_T_base))
     kept = target[number]
     return FoundNote(target.name, kept.with_place(in_base.place))
 

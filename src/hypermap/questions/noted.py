@@ -19,7 +19,7 @@ def notes_at(hypermap: Hypermap, layer: NotesLayer, point_xy: PointsLike) -> lis
     """Return the notes at a point of the base frame, the first ones first."""
     base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
     notes = layer.notes_at(base_T_layer.inverse().apply(point_xy))
-    placed = (note.with_place(base_T_layer.apply_geometry(note.place)) for note in notes)
+    placed = (note.moved(base_T_layer) for note in notes)
     return list(_cells(FoundNote(layer.name, note) for note in placed))
 
 

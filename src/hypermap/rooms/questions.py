@@ -42,6 +42,18 @@ def room_called(rooms: Rooms, what: str) -> Room | None:
     return named[0] if named else None
 
 
+def room_asked(rooms: Rooms, what: str) -> Room:
+    """Return the one room with a name, of a kind, or with an id as "room 3".
+
+    Raises:
+        HypermapError: If there is none, or there are several.
+    """
+    room = room_called(rooms, what)
+    if room is None:
+        raise _no_room(rooms, what)
+    return room
+
+
 def rooms_asked(hypermap: Hypermap, what: str) -> list[Room]:
     """Return the rooms of a map, in its base frame, with a name or of a kind.
 
@@ -65,6 +77,21 @@ def rooms_at(rooms: Rooms, points_xy: PointsLike) -> list[Room | None]:
     """
     places = rooms_of_points(rooms, as_points_xy(points_xy)).tolist()
     return [None if place < 0 else rooms.rooms[place] for place in places]
+
+
+def rooms_of_objects(hypermap: Hypermap, objects: Sequence[FoundObject]) -> list[Room | None]:
+    """Return the room that each object's centroid is in; None for one in none.
+
+    All are None where the map has no rooms.
+
+    Args:
+        hypermap: the map.
+        objects: as `Hypermap.objects` returns them.
+    """
+    rooms = rooms_on(hypermap) if objects else None
+    if rooms is None:
+        return [None] * len(objects)
+    return rooms_at(rooms, [item.point_xy for item in objects])
 
 
 def room_of(hypermap: Hypermap, what: FoundObject | PointsLike) -> Room | None:
@@ -129,12 +156,7 @@ def is_reachable(hypermap: Hypermap, start: str, goal: str, robot_radius: float 
     if not 0 <= robot_radius < math.inf:
         raise HypermapError(f"a robot's radius is 0 or more meters, got {robot_radius}")
     rooms = known_rooms(hypermap)
-    ids = []
-    for what in (start, goal):
-        room = room_called(rooms, what)
-        if room is None:
-            raise _no_room(rooms, what)
-        ids.append(room.id)
+    ids = (room_asked(rooms, what).id for what in (start, goal))
     return graph(rooms, robot_radius).is_reachable(*ids)
 
 

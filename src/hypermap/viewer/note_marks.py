@@ -42,7 +42,7 @@ def marks_of(hypermap: Hypermap, shown: Iterable[Layer]) -> tuple[Mark, ...]:
             continue
         base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
         for note in layer:
-            placed = note.with_place(base_T_layer.apply_geometry(note.place))
+            placed = note.moved(base_T_layer)
             x, y = point_of(placed)
             area = placed.place if placed.place.area > 0 else None
             marks.append(Mark(layer.name, note.id or 0, note.title, x, y, area))
