@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hypermap.cli.added_options import with_options
 from hypermap.cli.options import MapPath, name_of
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.console.options import OPTIONS
@@ -35,10 +36,7 @@ def _takes_query_options(command: Callable[..., None]) -> Callable[..., None]:
 
     signature = inspect.signature(command, eval_str=True)
     path, *own = (p for p in signature.parameters.values() if p.name != "given")
-    parameters = [path, *map(_parameter, OPTIONS), *own]
-    wrapper.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    wrapper.__annotations__ = {p.name: p.annotation for p in parameters}
-    return wrapper
+    return with_options(wrapper, [path, *map(_parameter, OPTIONS), *own])
 
 
 def _key(name: str) -> str:

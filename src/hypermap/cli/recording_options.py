@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from hypermap.cli.added_options import with_options
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
@@ -142,9 +143,7 @@ def takes_recording_options(command: Callable[..., None]) -> Callable[..., None]
     signature = inspect.signature(command, eval_str=True)
     own = [p for p in signature.parameters.values() if p.name != "request"]
     added = [_parameter(name, option) for name, option in OPTIONS.items()]
-    wrapper.__signature__ = signature.replace(parameters=own + added)  # type: ignore[attr-defined]
-    wrapper.__annotations__ = {p.name: p.annotation for p in own + added}
-    return wrapper
+    return with_options(wrapper, own + added)
 
 
 def _parameter(name: str, option: _Option) -> inspect.Parameter:

@@ -11,6 +11,7 @@ from typing import Annotated, Any, get_args
 
 import typer
 
+from hypermap.cli.added_options import with_options
 from hypermap.core.errors import HypermapError, did_you_mean
 
 _log = logging.getLogger(__name__)
@@ -73,9 +74,7 @@ def takes_old_names(name: str, command: Callable[..., None]) -> Callable[..., No
     signature = inspect.signature(command, eval_str=True)
     own = list(signature.parameters.values())
     added = [_parameter(option, signature.parameters[option.argument]) for option in renamed]
-    wrapper.__signature__ = signature.replace(parameters=own + added)  # type: ignore[attr-defined]
-    wrapper.__annotations__ = {p.name: p.annotation for p in own + added}
-    return wrapper
+    return with_options(wrapper, own + added)
 
 
 def _old(option: Renamed) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from hypermap.cli.added_options import with_options
 from hypermap.cli.terminal import change_verbosity
 
 Verbose = Annotated[
@@ -43,6 +44,4 @@ def takes_verbosity(command: Callable[..., None]) -> Callable[..., None]:
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=0, annotation=option)
         for name, option in (("verbose", Verbose), ("quiet", Quiet))
     ]
-    wrapper.__signature__ = signature.replace(parameters=own + added)  # type: ignore[attr-defined]
-    wrapper.__annotations__ = {p.name: p.annotation for p in own + added}
-    return wrapper
+    return with_options(wrapper, own + added)
