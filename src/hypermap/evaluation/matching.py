@@ -74,11 +74,10 @@ def find_duplicates(
     estimate: Sequence[SemanticObject],
     ground_truth: Sequence[SemanticObject],
     matches: Sequence[Match],
-    min_share: float = DUPLICATE_SHARE,
 ) -> tuple[int, ...]:
     """Return the indices of the estimated objects that show a matched true object once more.
 
-    They have no match, but share at least `min_share` of the smaller one's area with a true
+    They have no match, but share at least `DUPLICATE_SHARE` of the smaller one's area with a true
     object of their name that has one. So a piece of an object is a duplicate, too.
     """
     taken = {match.estimate for match in matches}
@@ -91,7 +90,7 @@ def find_duplicates(
             [thing.footprint for thing in shown if thing.name == name],
         )
         shares = overlap.of_smaller().max(axis=1)
-        found += [i for i, share in zip(free, shares, strict=True) if share >= min_share]
+        found += [i for i, share in zip(free, shares, strict=True) if share >= DUPLICATE_SHARE]
     return tuple(sorted(found))
 
 

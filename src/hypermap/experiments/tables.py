@@ -102,9 +102,9 @@ def text_of(cell: Cell, column: Column) -> str:
     return f"{cell:.{3 if column.style == 'probability' else column.digits}f}"
 
 
-def number(value: float | None, digits: int = 2) -> str:
+def number(value: float | None) -> str:
     """Return a figure as text; a dash where it is not defined."""
-    return text_of(value, Column("", digits))
+    return text_of(value, Column(""))
 
 
 def html_of(table: Table) -> str:

@@ -86,9 +86,7 @@ def read_bag(
     return measured
 
 
-def motion_in_bag(
-    path: Path, map_frame: str, sensor_frame: str | None, max_gap: float = MAX_GAP
-) -> Motion:
+def motion_in_bag(path: Path, map_frame: str, sensor_frame: str | None) -> Motion:
     """Return the motion of a sensor in the map, by a bag's tf; for the arguments see `read_bag`.
 
     Raises:
@@ -99,7 +97,7 @@ def motion_in_bag(
     for name, _, message in bag.messages(_transform_topics(bag), lambda *_: None, as_written=True):
         log.add(message, is_static=name.endswith("tf_static"))
     try:
-        return _motion(_tree(log, max_gap), map_frame, clean_frame(sensor_frame or "base_link"))
+        return _motion(_tree(log, MAX_GAP), map_frame, clean_frame(sensor_frame or "base_link"))
     except HypermapError as error:
         raise FormatError(str(error), path=path) from None
 

@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 from hypermap.core.errors import HypermapError
 from hypermap.ros.ros1.libraries import registration, rosgraph, rospy
 
+_PERIOD = 1.0  # s between two looks
 _ANSWER_TIME = 3.0  # s until a roscore counts as missing
 _NO_ANSWER = (OSError, HTTPException, xmlrpc.client.Error, rosgraph.MasterException)
 _log = logging.getLogger(__name__)
@@ -82,7 +83,6 @@ class MasterWatch:
         on_parameters: called with the private parameters of the node at each look.
         lost: returns those to set again on a roscore that has forgotten them.
         on_replaced: called when another node has registered under this node's name.
-        period: seconds between two looks.
     """
 
     def __init__(
@@ -90,7 +90,6 @@ class MasterWatch:
         on_parameters: Callable[[Mapping[str, Any]], None],
         lost: Callable[[], Mapping[str, Any]],
         on_replaced: Callable[[], None],
-        period: float = 1.0,
     ) -> None:
         self._on_parameters = on_parameters
         self._lost = lost
@@ -100,7 +99,6 @@ class MasterWatch:
         self._is_away = False
         self._is_registered = True
         self._ends = threading.Event()
-        self._period = period
         threading.Thread(target=self._run, name="roscore watch", daemon=True).start()
 
     def close(self) -> None:
@@ -115,7 +113,7 @@ class MasterWatch:
                 "of the roscore",
                 reason,
             )
-        while not self._ends.wait(self._period) and not rospy.is_shutdown():
+        while not self._ends.wait(_PERIOD) and not rospy.is_shutdown():
             self._try_to_look()
 
     def _try_to_look(self) -> None:

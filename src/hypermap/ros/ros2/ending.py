@@ -31,14 +31,14 @@ def end_executor(executor: Any, runner: threading.Thread) -> bool:
     return not (helper.is_alive() or runner.is_alive())
 
 
-def end_program_soon(seconds: float = LIMIT) -> None:
-    """End the program, if it has not by then: Python would wait for threads that are stuck."""
+def end_program_soon() -> None:
+    """End the program if it has not ended within `LIMIT` seconds, as threads may be stuck."""
 
     def end() -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(1)
 
-    timer = threading.Timer(seconds, end)
+    timer = threading.Timer(LIMIT, end)
     timer.daemon = True
     timer.start()

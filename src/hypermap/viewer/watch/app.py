@@ -47,7 +47,7 @@ class RunApp:
         app: the ASGI application.
     """
 
-    def __init__(self, run: WatchedRun, host: str = "127.0.0.1") -> None:
+    def __init__(self, run: WatchedRun) -> None:
         self.run = run
         self.token = secrets.token_urlsafe(24)
         self.is_private = True
@@ -65,7 +65,7 @@ class RunApp:
                 Route("/api/events", self._events),
             ],
             middleware=[
-                Middleware(Guard, hosts=known_hosts(host), token=self.token, once=self.once)
+                Middleware(Guard, hosts=known_hosts("127.0.0.1"), token=self.token, once=self.once)
             ],
             exception_handlers={
                 HypermapError: refuse,

@@ -36,9 +36,8 @@ class GridPictures:
     A small grid is drawn after every frame; a large one, now and then.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self._started = clock()
+    def __init__(self) -> None:
+        self._started = time.monotonic()
         self._spent = 0.0
         self._last: OccupancyLayer | None = None
 
@@ -51,11 +50,11 @@ class GridPictures:
             layer: returns the present grid.
             at_once: whether it is drawn whatever it costs.
         """
-        began = self._clock()
+        began = time.monotonic()
         if not at_once and self._spent > _SHARE * (began - self._started):
             return None
         grid = layer()
-        self._spent += self._clock() - began
+        self._spent += time.monotonic() - began
         if grid is self._last:
             return None
         self._last = grid
@@ -63,9 +62,9 @@ class GridPictures:
 
     def draw(self, grid: OccupancyLayer) -> GridPicture | None:
         """Return the picture of a grid; None while it is empty."""
-        began = self._clock()
+        began = time.monotonic()
         picture = _picture_of(grid)
-        self._spent += self._clock() - began
+        self._spent += time.monotonic() - began
         return picture
 
 
