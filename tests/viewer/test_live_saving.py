@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
+from datetime import date, datetime, time
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from hypermap.core.history import MAP_ID, MAP_VERSION, Mapped
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
+from hypermap.history import begun
 from hypermap.testing import square
 
 from .live_tools import Window, a_map, files_in, rename, saved, serving
@@ -27,6 +31,47 @@ def test_the_file_as_it_was_stays_beside_it(tmp_path):
     assert (tmp_path / "room.hmap.bak").read_bytes() == before
     assert open_map(path)["things"].get(0).name == "mug"
     assert files_in(tmp_path) == ["room.hmap", "room.hmap.bak"]
+
+
+def test_the_file_as_it_was_stays_however_often_is_saved(tmp_path):
+    path = saved(tmp_path)
+    before = path.read_bytes()
+    with serving(path) as client:
+        window = Window(client)
+        for name in ("mug", "pot"):
+            window.edit(rename(0, name))
+            window.post("/api/save")
+        assert (tmp_path / "room.hmap.bak").read_bytes() == before
+        save_map(open_map(path), path)  # as another program does
+        theirs = path.read_bytes()
+        window.edit(rename(0, "jug"))
+        window.post("/api/save", overwrite=True)
+        assert (tmp_path / "room.hmap.bak").read_bytes() == theirs
+
+
+@pytest.mark.parametrize(("hours", "is_spared"), [(0, True), (24, False)])
+def test_what_was_there_before_today_stays_although_a_node_has_mapped_since(
+    tmp_path, hours, is_spared
+):
+    """A live node keeps the map that it found; what it has saved since is not worth that."""
+    today = datetime.combine(date.today(), time(0, 0, 1)).timestamp()
+    yesterday = a_map()
+    yesterday.metadata.update({MAP_ID: "00ff", MAP_VERSION: 3})
+    yesterday.history = begun(yesterday)
+    path, backup = tmp_path / "room.hmap", tmp_path / "room.hmap.bak"
+    save_map(yesterday, path)
+    backup.write_bytes(path.read_bytes())
+    kept = path.read_bytes()
+    live = open_map(path)
+    live["things"].add(square("crate", 3, 3))
+    live.history = replace(live.history, mapped=Mapped("live", today - 3600 * hours))
+    save_map(live, path)
+    mapped = path.read_bytes()
+    with serving(path) as client:
+        window = Window(client)
+        window.edit(rename(0, "mug"))
+        window.post("/api/save")
+    assert backup.read_bytes() == (kept if is_spared else mapped)
 
 
 def test_a_map_that_was_edited_says_so_and_one_whose_edits_were_taken_back_does_not(tmp_path):

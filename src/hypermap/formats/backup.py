@@ -7,16 +7,18 @@ import copy
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
+from datetime import date, datetime, time
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
-from hypermap.core.history import MAP_VERSION
+from hypermap.core.history import MAP_ID, MAP_VERSION
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.archive import read_archive
 from hypermap.formats.atomic import Undo, refuse_link_out, unfinished_file, why_not_written
 from hypermap.formats.config import CONFIG_NAME, file_of_map, parse_config
 from hypermap.formats.hmap import MAPPER_STATE, archive_of_map, open_map, replace_map
 from hypermap.formats.journal import final_of
+from hypermap.history import version_of
 
 EDITED_WITH = "edited_with"
 """The key of a map's metadata for the program in which people edited it."""
@@ -37,7 +39,27 @@ def backup_of(path: Path) -> Path:
     return path.with_name(path.name + (".bak.hmap" if is_folder else ".bak"))
 
 
-def save_with_backup(hypermap: Hypermap, path: Path, *, spare_edited: bool = False) -> Path | None:
+def is_from_before_today(backup: Path, hypermap: Hypermap) -> bool:
+    """Return whether a copy is of a map as it was before today, by the times in its history.
+
+    All that was changed since must have been changed today, on the clock of this computer.
+    """
+    known = hypermap.metadata.get(MAP_ID)
+    if hypermap.history is None or known is None:
+        return False
+    try:
+        old = open_map(backup)
+    except (HypermapError, OSError):
+        return False
+    newer = [one for one in hypermap.history.revisions() if one.version > version_of(old)]
+    midnight = datetime.combine(date.today(), time()).timestamp()
+    is_todays = all(one.time is not None and one.time >= midnight for one in newer)
+    return old.metadata.get(MAP_ID) == known and bool(newer) and is_todays
+
+
+def save_with_backup(
+    hypermap: Hypermap, path: Path, *, spare_edited: bool = False, spare: bool = False
+) -> Path | None:
     """Save a map, and keep a copy of the file that it replaces, named by `backup_of`.
 
     If that fails, the file and an older copy stay as they are.
@@ -47,9 +69,10 @@ def save_with_backup(hypermap: Hypermap, path: Path, *, spare_edited: bool = Fal
         path: its file.
         spare_edited: whether to keep an existing copy that mapping could not make again, if it
             could make the file again.
+        spare: whether to keep an existing copy in any case.
 
     Returns:
-        The copy; None if there was nothing to keep.
+        The copy; None if there was nothing to keep, or an existing one was kept.
 
     Raises:
         HypermapError: If the map cannot be saved, or the copy cannot be made.
@@ -57,7 +80,8 @@ def save_with_backup(hypermap: Hypermap, path: Path, *, spare_edited: bool = Fal
     path = file_of_map(path)
     backup = backup_of(path)
     content = None
-    if not (spare_edited and why_precious(backup) and not why_precious(path)):
+    is_spared = spare_edited and why_precious(backup) and not why_precious(path)
+    if not (is_spared or (spare and backup.exists())):
         with _keeping(backup):
             content = _copy_of(path, backup)
     if content is None:

@@ -17,7 +17,12 @@ from hypermap.core.history import MAP_VERSION
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map
-from hypermap.formats.backup import EDITED_WITH, save_with_backup
+from hypermap.formats.backup import (
+    EDITED_WITH,
+    backup_of,
+    is_from_before_today,
+    save_with_backup,
+)
 from hypermap.formats.locks import turn_to_edit
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.map_file import MapFile
@@ -172,13 +177,25 @@ class MapDocument:
             known = hypermap.metadata.get(MAP_VERSION)
             opened = known if type(known) is int else 0
             hypermap.metadata[MAP_VERSION] = opened + self._edited_saves + 1
-        save_with_backup(hypermap, file.path)
+        if save_with_backup(hypermap, file.path, spare=self._has_backup(file)) is not None:
+            self._backed_up.add(file.path)
         self._current.hypermap.history = hypermap.history
         self._edited_saves += is_edited
         self.file = MapFile.of(file.path, hypermap)
         self._saved_content = self._content
         self.saves += 1
         self.event_count += 1
+
+    def _has_backup(self, file: MapFile) -> bool:
+        """Return whether the copy beside a file is what was there before today's edits.
+
+        That is the one made by the first save, or by a live node whose map this is.
+        """
+        if not file.is_own or file.state != "same":
+            return False
+        if file.path in self._backed_up:
+            return True
+        return is_from_before_today(backup_of(file.path), self._current.hypermap)
 
     def reload(self) -> None:
         """Reload the file; unsaved changes and the undo history are lost.
@@ -202,6 +219,7 @@ class MapDocument:
     def _open(self, hypermap: Hypermap, version: int) -> None:
         self._first_version = version
         self._edited_saves = 0
+        self._backed_up: set[Path] = set()
         self._current = MapVersion(version, hypermap, {layer.name: version for layer in hypermap})
         self._touched: dict[tuple[str, int], int] = {}
         self._done: deque[_Step] = deque(maxlen=_MOST_STEPS)
