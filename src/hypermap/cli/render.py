@@ -77,6 +77,7 @@ def command(
         hypermap render warm.hmap -o warm.png --layer occupancy --layer temperature --contours
     """
     from hypermap.console.places import names_rooms, parse_area
+    from hypermap.core.hypermap import ROOMS
     from hypermap.formats import open_map
     from hypermap.viewer.picture import check_suffix, render
 
@@ -85,7 +86,7 @@ def command(
     by_rooms = area is not None and names_rooms(area)
     shown = None if area is None or by_rooms else parse_area(area, "--in")
     hypermap = open_map(path)
-    if rooms and "rooms" not in hypermap:
+    if rooms and ROOMS not in hypermap:
         from hypermap.rooms import rooms_of_map, with_rooms
 
         hypermap = with_rooms(hypermap, rooms_of_map(hypermap))
