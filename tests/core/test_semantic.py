@@ -365,6 +365,17 @@ def test_a_copy_goes_its_own_way_and_gives_out_no_id_again():
     assert (other.name, other.frame_id) == (layer.name, layer.frame_id)
 
 
+def test_a_layer_with_other_objects_keeps_all_else() -> None:
+    layer = SemanticLayer("semantic", "map", [square("table", 0, 0, 2, id=7)], {"color": "red"})
+    layer.kept_pictures = {7: ()}
+    other = layer.with_objects([square("cup", 5, 5, id=3)])
+    assert other.label_at([[0, 0], [5, 5]]).tolist() == ["Empty", "cup"]
+    assert (other.settings, other.kept_pictures) == ({"color": "red"}, {7: ()})
+    assert layer.ids.tolist() == [7]
+    with pytest.raises(ValueError, match="two objects have the id 3"):
+        layer.with_objects([square("cup", 5, 5, id=3)] * 2)
+
+
 def test_a_layer_of_columns_answers_and_changes_like_any_other():
     given = desk()
     layer = SemanticLayer.of_table("semantic", "map", given.table)
