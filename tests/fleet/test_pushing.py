@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
@@ -203,6 +204,28 @@ def test_the_commands_push_and_pull_the_same_file(
     assert "owner" in run(capfd, "log", store, "--site", site)[1]
     code, out, _ = run(capfd, "query", f"{store}&site={site}", "--name", "chair")
     assert (code, out.count("chair")) == (0, 3)
+
+
+def test_a_site_is_shown_compared_and_converted_like_a_file(
+    store: str, site: str, lab: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    run(capfd, "push", str(lab), store, "--site", site)
+    address = f"{store}&site={site}&password=secret"
+    layers = [
+        json.loads(run(capfd, "info", str(map_), "--json")[1])["layers"] for map_ in (lab, address)
+    ]
+    assert layers[0] == layers[1]
+    picture = ("--picture", str(tmp_path / "both.png"))
+    code, out, err = run(capfd, "evaluate", address, str(lab), *picture, "--json")
+    assert (code, json.loads(out)["all"]["matched"]["iou"]) == (0, 1.0)
+    assert "secret" not in out + err
+    copy = tmp_path / "copy.hmap"
+    assert run(capfd, "convert", address, str(copy))[0] == 0
+    assert_same_map(open_map(copy), open_map(lab))
+    of_file, of_copy = (open_map(path).semantic().kept_pictures for path in (lab, copy))
+    assert of_copy == of_file
+    assert of_file
+    assert "leave out --frame" in run(capfd, "convert", address, "x.hmap", "--frame", "map")[2]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import AsJson, check_output, check_picture
+from hypermap.cli.options import AsJson, check_output, check_picture, name_of
 from hypermap.cli.terminal import note, say_json
 from hypermap.cli.two_maps import ComparisonPicture
 from hypermap.core.errors import HypermapError
@@ -69,11 +69,11 @@ def command(
     if exact and against is None:
         raise HypermapError("--exact needs --against, the map to compare with")
     true_map = open_any(ground_truth)
-    truth = map_objects(true_map, str(ground_truth))
+    truth = map_objects(true_map, name_of(ground_truth))
     _note_repairs(truth)
 
     def measure(path: Path) -> EvaluationRun:
-        objects = map_objects(open_any(path), str(path), true_map, truth.name)
+        objects = map_objects(open_any(path), name_of(path), true_map, truth.name)
         _note_repairs(objects)
         _note_strangers(objects, truth)
         return EvaluationRun(objects, evaluate(objects.objects, truth.objects))
@@ -90,7 +90,7 @@ def command(
         write_file(csv, csv_text(data).encode())
         note(f"saved {csv}")
     if picture is not None:
-        title = f"{estimate.stem} against {ground_truth.stem}"
+        title = " against ".join(Path(name_of(path)).stem for path in (estimate, ground_truth))
         render_comparison(true_map, truth, run.objects, run.evaluation, picture, title=title)
         note(f"saved {picture}")
 

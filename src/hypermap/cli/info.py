@@ -17,6 +17,7 @@ from hypermap.cli.options import AsJson, name_of
 from hypermap.cli.recording_options import RecordingRequest, takes_recording_options
 from hypermap.cli.terminal import facts, note, out, say, say_json, table
 from hypermap.core.errors import HypermapError
+from hypermap.fleet.store.address import is_address
 from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
@@ -83,6 +84,8 @@ def command(
 
 def is_map(path: Path) -> bool:
     """Return whether a path looks like a map rather than a recording."""
+    if is_address(path):
+        return True
     if path.is_dir():
         return (path / "hmap_config.yaml").is_file()
     return path.suffix.lower() in {".hmap", ".yaml", ".yml"}

@@ -20,7 +20,8 @@ MapPath = Annotated[
         metavar="MAP",
         readable=False,
         show_default=False,
-        help="An .hmap archive, a configuration file in a folder, or a map_server YAML.",
+        help="An .hmap archive, a configuration file in a folder, a map_server YAML, or the "
+        "address of a site in a shared store.",
     ),
 ]
 MapOutput = Annotated[

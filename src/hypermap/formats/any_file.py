@@ -6,12 +6,13 @@ from pathlib import Path
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
 from hypermap.core.layer_stack import DEFAULT_FRAME
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.atomic import is_folder
 from hypermap.formats.columns.geoparquet import MAGIC
 from hypermap.formats.grid.map_server import load_occupancy
-from hypermap.formats.hmap import open_map
+from hypermap.formats.hmap import is_site, open_map
 from hypermap.formats.semantic.geojson import from_geojson
 from hypermap.formats.semantic.parquet_files import layer_of_parquet
 from hypermap.formats.semantic.yaml_files import parse_content
@@ -28,7 +29,7 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
     """Return the map in a file of any kind; a file of one layer becomes a map of one layer.
 
     Args:
-        path: a file for `open_map`, a YAML list of objects, GeoJSON or GeoParquet.
+        path: a file or an address for `open_map`, a YAML list of objects, GeoJSON or GeoParquet.
         frame_id: the frame of a file of one layer; None takes that in the file, or `map` for YAML.
 
     Raises:
@@ -37,6 +38,16 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
         MissingExtra: If it is GeoParquet, and pyarrow is not installed.
         HypermapError: If a frame is given for a whole map, which has its own.
     """
+    layer = None if is_site(path) else _only_layer(path, frame_id)
+    if layer is not None:
+        return Hypermap([layer])
+    if frame_id is not None:
+        raise HypermapError(f"{path}: a whole map names its own frames; leave out --frame")
+    return open_map(path)
+
+
+def _only_layer(path: Path, frame_id: str | None) -> Layer | None:
+    """Return the layer in a file of one layer; None if it may be a whole map."""
     content = _ZIP if is_folder(path) else read_file(path)
     if path.suffix.lower() in _PICTURES:
         raise FormatError("is a picture; give the map_server YAML file that names it", path=path)
@@ -47,18 +58,15 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
             path=path,
         )
     if content.startswith(MAGIC):
-        return Hypermap([layer_of_parquet(content, str(path), frame_id)])
+        return layer_of_parquet(content, str(path), frame_id)
     if path.suffix.lower() in JSON_ENDINGS:
         text = content.decode(errors="replace")
-        return Hypermap([from_geojson(text, frame_id=frame_id, path=str(path))])
+        return from_geojson(text, frame_id=frame_id, path=str(path))
     if path.suffix.lower() != ".hmap" and not content.startswith(_ZIP):
         document, frame = read_yaml(content, str(path)), frame_id or DEFAULT_FRAME
         if isinstance(document, list):
             table, rejected = parse_content(content, str(path))
-            layer = SemanticLayer.of_table("semantic", frame, table, rejected=rejected)
-            return Hypermap([layer])
+            return SemanticLayer.of_table("semantic", frame, table, rejected=rejected)
         if isinstance(document, dict) and "image" in document:
-            return Hypermap([load_occupancy(path, frame_id=frame)])
-    if frame_id is not None:
-        raise HypermapError(f"{path}: a whole map names its own frames; leave out --frame")
-    return open_map(path)
+            return load_occupancy(path, frame_id=frame)
+    return None

@@ -67,7 +67,7 @@ def open_map(path: str | Path) -> Hypermap:
         FormatError: If it, or a file that belongs to it, is wrong or missing.
         HypermapError: If a plug-in for one of its layers does not work.
     """
-    if str(path).startswith(("postgresql:/", "postgres:/")):
+    if is_site(path):
         return open_site(path)
     path = Path(path)
     if is_folder(path):
@@ -81,6 +81,11 @@ def open_map(path: str | Path) -> Hypermap:
     if CONFIG_NAME not in store.files:
         raise FormatError(f"is a zip archive without {CONFIG_NAME}, so it is not a map", path=path)
     return _read_map(store, CONFIG_NAME)
+
+
+def is_site(path: str | Path) -> bool:
+    """Return whether it is the address of a site in a store, not a path; `Path` takes a slash."""
+    return str(path).startswith(("postgresql:/", "postgres:/"))
 
 
 def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "auto") -> None:

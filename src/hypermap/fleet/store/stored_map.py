@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -142,6 +142,7 @@ class StoredSemanticLayer(SemanticLayer):
         self._layer_id = layer_id
         super().__init__(skeleton.name, skeleton.frame_id, (), skeleton.settings, skeleton.rejected)
         self.kept_evidence = self._whole_evidence
+        self.kept_pictures = _StoredPictures(database, layer_id)
 
     @property
     def _now(self) -> KeptObjects:
@@ -222,20 +223,30 @@ class StoredSemanticLayer(SemanticLayer):
             )
         return rows.evidence_of(views, observations) if views else None
 
-    def pictures(self, object_id: int) -> tuple[ObjectPicture, ...]:
-        """Return the pictures of one object, best first; may be empty.
 
-        Raises:
-            ObjectNotFound: If there is no such object.
-        """
-        self._rows_there(self._now, [object_id])
-        found = self._database.rows(
-            "SELECT object_id, content FROM pictures WHERE layer_id = %s AND valid_to IS NULL "
-            "AND object_id = %s",
+class _StoredPictures(Mapping[int, tuple[ObjectPicture, ...]]):
+    """The pictures of a layer's present objects, by id; each is read when it is asked for."""
+
+    def __init__(self, database: Database, layer_id: int) -> None:
+        self._database = database
+        self._layer_id = layer_id
+
+    def __getitem__(self, object_id: int) -> tuple[ObjectPicture, ...]:
+        found = self._rows("object_id, content", " AND object_id = %s", object_id)
+        return rows.pictures_of(found)[object_id]
+
+    def __iter__(self) -> Iterator[int]:
+        return (object_id for (object_id,) in self._rows("object_id", " ORDER BY object_id"))
+
+    def __len__(self) -> int:
+        return int(self._rows("count(*)", "")[0][0])
+
+    def _rows(self, columns: str, rest: str, *values: Any) -> list[rows.Row]:
+        return self._database.rows(
+            f"SELECT {columns} FROM pictures WHERE layer_id = %s AND valid_to IS NULL{rest}",
             self._layer_id,
-            object_id,
+            *values,
         )
-        return rows.pictures_of(found).get(object_id, ())
 
 
 class StoredOccupancyLayer(OccupancyLayer):
