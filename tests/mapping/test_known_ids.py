@@ -14,6 +14,7 @@ from hypermap.mapping.config import profile
 from hypermap.mapping.correcting import map_again
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, packed_frame
+from hypermap.mapping.known_ids import with_known_ids
 
 from .evidence_tools import DEFAULT, ROOM, only, seen, square
 
@@ -67,6 +68,19 @@ def test_what_was_edited_in_the_middle_of_a_later_drive_is_one_object(parts: int
     before = known(drives.evidence)
     assert before == {0: ("Anna's chair", -3.0), 1: ("chair", 3.0)}
     assert known(drives.again()) == before
+
+
+def test_objects_of_one_frame_with_equal_scores_are_not_mixed_up() -> None:
+    """As of a detector that scores nothing; the map made again finds them in another order."""
+    known_map, again = EvidenceMap(DEFAULT), EvidenceMap(DEFAULT)
+    for second in range(6):
+        left, right = square(-3.0, side=0.6), square(3.0, side=0.6)
+        known_map.update(seen(left, right, stamp=second))
+        again.update(seen(right, left, stamp=second))
+    tracks = with_known_ids(again.tracks(), known_map.tracks(), frozenset(), DEFAULT)
+    made = EvidenceMap(DEFAULT)
+    made.go_on_with(tracks, {})
+    assert known(made) == known(known_map) == {0: ("chair", -3.0), 1: ("chair", 3.0)}
 
 
 def test_what_was_moved_and_then_edited_keeps_its_id_at_its_new_place() -> None:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hypermap.mapping.earlier_drives import EarlierDrives
+from hypermap.mapping.evidence_buffer import Evidence
 from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable
+
+_SAME_PLACE = 1e-3  # [m] by which rounding moves what is seen
 
 
 def with_known_ids(
@@ -76,17 +82,42 @@ def _known_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> 
 
 
 def _shared(tracks: TrackTable, known: TrackTable) -> Counter[tuple[int, int]]:
-    """Return how many observations a track and a known one share, by their ids."""
-    owners: dict[tuple[str, float, float], set[int]] = {}
+    """Return how many observations a track and a known one share, by their ids.
+
+    Observations of one frame that have one name and score, as of detectors that score nothing, are
+    told apart by where the camera saw them.
+    """
+    owners: dict[tuple[str, float, float], list[tuple[Evidence, int]]] = {}
     for track in known.objects:
         for item in track.buffer.items:
-            owners.setdefault((track.name, item.stamp, item.score), set()).add(track.id)
+            owners.setdefault((track.name, item.stamp, item.score), []).append((item, track.id))
     shared: Counter[tuple[int, int]] = Counter()
     for track in tracks.objects:
         for item in track.buffer.items:
-            for owner in owners.get((track.name, item.stamp, item.score), ()):
+            same = owners.get((track.name, item.stamp, item.score), [])
+            for owner in _nearest(item, same) if len(same) > 1 else {id_ for _, id_ in same}:
                 shared[track.id, owner] += 1
     return shared
+
+
+def _nearest(item: Evidence, others: Sequence[tuple[Evidence, int]]) -> set[int]:
+    """Return the ids of the others that the camera saw nearest to where it saw one."""
+    place = _place_from_camera(item)
+    away = [float(np.linalg.norm(_place_from_camera(other) - place)) for other, _ in others]
+    least = min(away) + _SAME_PLACE
+    return {id_ for (_, id_), distance in zip(others, away, strict=True) if distance <= least}
+
+
+def _place_from_camera(item: Evidence) -> NDArray[np.float64]:
+    """Return where an observation is to the right of its camera, and ahead [m], shape (2,).
+
+    Corrected poses move both together.
+    """
+    right, down = item.map_T_camera[:2, :2].T
+    axis = right if np.linalg.norm(right) > 0.5 else down  # of a camera on its side
+    x, y = axis / np.linalg.norm(axis)
+    offset = item.centroid_xy - item.map_T_camera[:2, 3]
+    return np.array([[x, y], [-y, x]]) @ offset
 
 
 def _match(ids: dict[int, int], shared: Counter[tuple[int, int]], wanted: Collection[int]) -> None:
