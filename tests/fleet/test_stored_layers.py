@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import zlib
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, cast
 from urllib.parse import quote
 
 import numpy as np
@@ -15,6 +16,8 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 pytest.importorskip("psycopg", reason="psycopg is missing")
+
+from psycopg import Rollback
 
 from hypermap import Hypermap, HypermapError, open_map
 from hypermap.cli.main import app
@@ -26,11 +29,22 @@ from hypermap.fleet.store.address import StoreError, parse_address
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.pushing import push
 from hypermap.fleet.store.rows import tile_of
-from hypermap.fleet.store.stored_objects import _NOW, _POINT
+from hypermap.fleet.store.stored_objects import StoredObjects
+from hypermap.fleet.store.tables import SRID
 from hypermap.testing import occupancy_from_text, square
 from hypermap.testing.contract import LayerContract
 
 pytestmark = pytest.mark.xdist_group("store")
+
+LAYER = 20_000  # a number beyond those of other tests that PostgreSQL still counts as small
+# 30 layers of 400 objects, each of 1 m^2, with 20 names.
+MANY_OBJECTS = f"""
+INSERT INTO objects (layer_id, id, position, name, shape, footprint, area, x, y, valid_from)
+SELECT layer, n, n, 'thing ' || n % 20, box, ST_AsBinary(box), 1, x + 0.5, y + 0.5, 1
+FROM generate_series({LAYER}, {LAYER} + 29) AS layer, generate_series(0, 399) AS n,
+    LATERAL (SELECT 2 * (n % 20) AS x, 2 * (n / 20) AS y) AS corner,
+    LATERAL (SELECT ST_MakeEnvelope(x, y, x + 1, y + 1, {SRID}) AS box) AS square
+"""
 
 ROOMS = """
 ##########
@@ -83,16 +97,44 @@ class TestStoredSemanticLayer(LayerContract):
         return opened["semantic"]
 
 
-def test_a_question_at_a_point_uses_one_index_of_layers_and_places(store: str) -> None:
-    """A small number must not come as a smallint, for which that index is no use."""
-    database = Database(parse_address(store))
+class ExplainedDatabase:
+    """A database that notes how it answers each question."""
+
+    def __init__(self, cursor: Any) -> None:
+        self._cursor = cursor
+        self.plan = ""
+
+    def rows(self, question: str, *values: Any) -> list[tuple[Any, ...]]:
+        """Return the rows of a question."""
+        self._cursor.execute(f"EXPLAIN {question}", values)
+        self.plan = "\n".join(line for (line,) in self._cursor)
+        return self._cursor.execute(question, values).fetchall()  # type: ignore[no-any-return]
+
+
+BY_PLACE = "using objects_shape .*Index Cond: .*layer_id = .* AND .*shape &&"
+BY_NAME = "(using|on) objects_name .*Index Cond: .*name = .* AND .*layer_id = "
+
+
+def test_questions_to_a_store_of_many_sites_use_one_index_of_layers_and_of_what_is_asked(
+    database: Database,
+) -> None:
+    """A small number must not come as a smallint, for which the index of places is no use."""
+    questions: dict[str, tuple[Callable[[StoredObjects], object], str]] = {
+        "at a point": (lambda all_: all_.all_at(np.array([20.5, 20.5])), BY_PLACE),
+        "at points": (lambda all_: all_.at_each(np.array([[0.5, 0.5], [20.5, 20.5]])), BY_PLACE),
+        "in an area": (lambda all_: all_.in_area(shapely.box(20, 20, 22, 22)), BY_PLACE),
+        "by name": (lambda all_: all_.named("thing 7"), BY_NAME),
+        "by id": (lambda all_: all_.named(7), "using objects_now .*layer_id = .* AND .*id = "),
+    }
     with database.transaction() as cursor:
-        cursor.execute("SET LOCAL enable_seqscan = off")
-        cursor.execute(f"EXPLAIN {_NOW} AND shape && {_POINT}", (1, 2.5, 3.5))
-        plan = "\n".join(line for (line,) in cursor)
-    database.close()
-    assert "using objects_shape" in plan
-    assert "Index Cond: ((layer_id = 1) AND (shape &&" in plan
+        cursor.execute(MANY_OBJECTS)
+        cursor.execute("ANALYZE objects")
+        explained = ExplainedDatabase(cursor)
+        objects = StoredObjects(cast(Database, explained), LAYER, lambda _gone, _new: None)
+        for question, (ask, expected) in questions.items():
+            assert np.size(ask(objects)), question
+            assert re.search(expected, explained.plan, re.DOTALL), f"{question}: {explained.plan}"
+        raise Rollback
 
 
 @pytest.mark.parametrize("content", [b"", b"no zlib", zlib.compress(bytes(10_000_000))])
