@@ -16,6 +16,7 @@ CUP = SemanticObject("cup", shapely.box(0, 0, 1, 1), id=1)
     ("change", "shown"),
     [
         (Change(MOVED, "semantic", CUP, CUP, 0.5, 0.9), "0.50 m (90%)"),
+        (Change(CORRECTED, "semantic", CUP, CUP, 0.5), "0.50 m"),
         (Change(GONE, "semantic", CUP, None, confidence=0.33), "(33%)"),
         (Change(ADDED, "semantic", None, CUP, confidence=0.9), ""),
         (Change(GONE, "semantic", CUP, None), ""),

@@ -32,8 +32,11 @@ def place_of(thing: SemanticObject | None) -> str:
 def distance_of(change: Change) -> str:
     """Return how far an object was moved, and how likely it is the same.
 
-    Of one that came or went, only how likely it is, or was, there, if that is doubtful.
+    Of one that is elsewhere because poses were corrected, only how far; of one that came or went,
+    only how likely it is, or was, there, if that is doubtful.
     """
+    if change.kind == "corrected" and change.distance is not None:
+        return f"{change.distance:.2f} m"
     if change.confidence is None:
         return ""
     sure = f"({change.confidence:.0%})"
