@@ -15,6 +15,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from hypermap.core.errors import ObjectNotFound
 from hypermap.core.evidence import EvidenceTable
+from hypermap.core.pictures import START_OF_JPEG, ObjectPicture
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.testing import assert_same_objects, square
 from hypermap.testing.strategies import areas, coordinates, points, semantic_layers
@@ -363,6 +364,13 @@ def test_a_copy_goes_its_own_way_and_gives_out_no_id_again():
     assert layer.get(7).name == "table"
     assert new not in desk().ids
     assert (other.name, other.frame_id) == (layer.name, layer.frame_id)
+
+
+def test_pictures_are_of_the_objects_that_are_there() -> None:
+    layer = SemanticLayer("semantic", "map", [square("table", n, 0, id=n) for n in (7, 3, 5)])
+    pictures = {n: (ObjectPicture(START_OF_JPEG, n, 0, 1, 1),) for n in (3, 4, 7)}
+    layer.kept_pictures = pictures | {5: ()}
+    assert list(layer.pictures_by_id().items()) == [(7, pictures[7]), (3, pictures[3])]
 
 
 def test_a_layer_with_other_objects_keeps_all_else() -> None:

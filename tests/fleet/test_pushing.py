@@ -228,6 +228,27 @@ def test_a_site_is_shown_compared_and_converted_like_a_file(
     assert "leave out --frame" in run(capfd, "convert", address, "x.hmap", "--frame", "map")[2]
 
 
+def test_all_pictures_of_a_site_are_read_at_once(
+    database: Database, store: str, site: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layer = SemanticLayer("semantic", "map", [square("chair", x, 0) for x in range(9)])
+    layer.kept_pictures = {number: (jpeg_picture("red"),) for number in (2, 5, 7)}
+    push(database, Hypermap([layer]), site)
+    asked = list[str]()
+    rows = Database.rows
+
+    def counted(self: Database, query: str, *values: Any) -> Any:
+        asked.append(query)
+        return rows(self, query, *values)
+
+    monkeypatch.setattr(Database, "rows", counted)
+    save_map(open_map(f"{store}&site={site}"), tmp_path / "copy.hmap")
+    of_pictures = [query for query in asked if "FROM pictures" in query]
+    assert of_pictures
+    assert not [query for query in of_pictures if "object_id = %s" in query]  # one by one
+    assert open_map(tmp_path / "copy.hmap").semantic().kept_pictures == layer.kept_pictures
+
+
 @pytest.mark.parametrize(
     ("address", "message"),
     [

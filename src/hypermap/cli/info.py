@@ -138,12 +138,11 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
 
 
 def _describe_objects(layer: SemanticLayer) -> dict[str, Any]:
-    pictures = (len(kept) for number, kept in layer.kept_pictures.items() if number in layer)
     return {
         "objects": len(layer),
         "names": _counts(layer.names),
         "observations": _observations(layer),
-        "pictures": sum(pictures),
+        "pictures": sum(map(len, layer.pictures_by_id().values())),
         "rejected": [
             {"position": r.position, "name": r.name, "reason": r.reason} for r in layer.rejected
         ],

@@ -234,6 +234,11 @@ class SemanticLayer(Layer):
         self._rows_there(self._now, [object_id])
         return self.kept_pictures.get(object_id, ())
 
+    def pictures_by_id(self) -> dict[int, tuple[ObjectPicture, ...]]:
+        """Return the pictures of all objects that have some, in the order of the layer."""
+        kept = dict(self.kept_pictures.items())  # which a store reads all at once
+        return {number: kept[number] for number in self.ids.tolist() if kept.get(number)}
+
     # Changes
 
     @overload

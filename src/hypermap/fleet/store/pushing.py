@@ -310,10 +310,9 @@ def _content(cursor: Cursor[Any], layer_id: int, layer: Layer) -> dict[str, Any]
         "next_position = greatest(next_position, %s) WHERE id = %s",
         (layer.next_id, int(positions.max(initial=-1)) + 1, layer_id),
     )
-    pictures = {n: kept for n in layer.ids.tolist() if (kept := layer.kept_pictures.get(n))}
     content: dict[str, Any] = {
         "objects": rows.rows_of_objects(table, positions),
-        "pictures": rows.rows_of_pictures(pictures),
+        "pictures": rows.rows_of_pictures(layer.pictures_by_id()),
     }
     if evidence is not None:
         content["views"] = rows.rows_of_views(evidence)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import ItemsView, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -225,7 +225,7 @@ class StoredSemanticLayer(SemanticLayer):
 
 
 class _StoredPictures(Mapping[int, tuple[ObjectPicture, ...]]):
-    """The pictures of a layer's present objects, by id; each is read when it is asked for."""
+    """The pictures of a layer's present objects, by id, read when they are asked for."""
 
     def __init__(self, database: Database, layer_id: int) -> None:
         self._database = database
@@ -234,6 +234,10 @@ class _StoredPictures(Mapping[int, tuple[ObjectPicture, ...]]):
     def __getitem__(self, object_id: int) -> tuple[ObjectPicture, ...]:
         found = self._rows("object_id, content", " AND object_id = %s", object_id)
         return rows.pictures_of(found)[object_id]
+
+    def items(self) -> ItemsView[int, tuple[ObjectPicture, ...]]:
+        """Return those of all objects, read at once."""
+        return rows.pictures_of(self._rows("object_id, content", "")).items()
 
     def __iter__(self) -> Iterator[int]:
         return (object_id for (object_id,) in self._rows("object_id", " ORDER BY object_id"))

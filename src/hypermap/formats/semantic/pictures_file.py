@@ -56,7 +56,7 @@ def save_pictures(layer: SemanticLayer, store: Store, file: str) -> Mapping[str,
     Returns:
         What the layer's configuration has to say; nothing if there are no pictures.
     """
-    found: Pictures = {n: kept for n in layer.ids.tolist() if (kept := layer.kept_pictures.get(n))}
+    found: Pictures = layer.pictures_by_id()
     for most in (None, 1, 0):
         found = {number: kept[:most] for number, kept in found.items() if kept[:most]}
         if _size(found) <= limits.MAX_PICTURES_BYTES:
