@@ -13,6 +13,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from hypermap import (
     GridGeometry,
@@ -27,6 +28,8 @@ from hypermap import (
 from hypermap.agents import Picture, Tool, tools_for
 from hypermap.agents.shown import object_rows
 from hypermap.agents.tools import MOST_BYTES, bounded
+from hypermap.cli.main import app
+from hypermap.history import begin_history
 from hypermap.notes import notes_layer
 
 Call = Callable[..., Any]
@@ -166,6 +169,7 @@ def test_what_was_measured_is_answered_in_words(office: Path, call: Call) -> Non
 
 def test_changes_since_a_time(call: Call) -> None:
     answer = call("changes", since="2026-11-23")
+    assert answer["notes"] == ["the map keeps no history: what is gone or moved is not known"]
     assert [item["id"] for item in answer["added"]] == [3]
     assert [item["id"] for item in answer["not_seen"]] == [6]
     # 02:30 in Kolkata is 21:00 UTC of the day before
@@ -173,6 +177,54 @@ def test_changes_since_a_time(call: Call) -> None:
     assert call("changes", since="7d")["since"].endswith("+00:00")
     with pytest.raises(HypermapError, match="since 'long ago': expected a time"):
         call("changes", since="long ago")
+
+
+@pytest.fixture
+def edited(office: Path) -> Path:
+    """An office of which, after its first version, four objects were changed."""
+    hypermap = open_map(office)
+    begin_history(hypermap)
+    layer = hypermap.semantic("semantic")
+    layer.rename(0, "fridge")
+    layer.update(4, SemanticObject("chair", shapely.box(2.3, 3.2, 2.7, 3.6)))
+    layer.remove(6)
+    layer.add([SemanticObject("lamp", shapely.box(2.0, 2.0, 2.2, 2.2))])
+    save_map(hypermap, office)
+    return office
+
+
+def test_changes_tell_what_is_gone_was_moved_and_renamed(edited: Path) -> None:
+    call = calling(tools_for(edited, allow_edits=True))
+    news = call("changes", since="v1")
+    assert news["counts"] == {"renamed": 1, "moved": 1, "gone": 1, "added": 1}
+    told = {row["change"]: row for row in news["changes"]}
+    assert told["moved"]["before"] == {"id": 4, "name": "chair", "x": 2.5, "y": 1.4}
+    assert told["moved"]["after"] == {"id": 4, "name": "chair", "x": 2.5, "y": 3.4}
+    assert told["moved"]["distance"] == 2.0
+    assert told["gone"]["before"]["name"] == "couch"
+    assert "after" not in told["gone"]
+    assert told["renamed"]["before"]["name"] == "refrigerator"
+    assert told["renamed"]["after"]["name"] == "fridge"
+    assert told["gone"]["version"] == 2
+    assert told["gone"]["cause"] == "edit"
+    call("mark_gone", id=3)
+    shortened = call("changes", since="yesterday", limit=1)
+    assert (shortened["count"], len(shortened["changes"])) == (5, 1)
+    assert shortened["changes"][0]["before"]["name"] == "cup"
+    assert "earlier changes are not known" in shortened["notes"][0]
+    assert call("changes", since="v2")["counts"] == {"gone": 1}
+    with pytest.raises(HypermapError, match="version"):
+        call("changes", since="v9")
+
+
+def test_changes_are_those_that_the_command_prints(edited: Path) -> None:
+    printed = CliRunner().invoke(app, ["changes", str(edited), "--since", "v1", "--json"]).stdout
+    told = calling(tools_for(edited))("changes", since="v1")["changes"]
+    for mine, row in zip(reversed(told), json.loads(printed)["changes"], strict=True):
+        for key in ("change", "layer", "version", "cause"):
+            assert mine[key] == row[key]
+        for state in {"before", "after"} & row.keys():
+            assert mine[state] == pytest.approx(row[state], abs=0.005)
 
 
 def test_a_view_is_a_picture(call: Call) -> None:

@@ -4,6 +4,7 @@
 
 import math
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Callable
 from datetime import datetime, timezone
@@ -15,6 +16,7 @@ from pydantic import Field, FiniteFloat
 
 from hypermap.agents.shown import (
     answer_of,
+    change_row,
     door_row,
     few_corners,
     layer_of_object,
@@ -24,12 +26,14 @@ from hypermap.agents.shown import (
 )
 from hypermap.agents.tools import Picture
 from hypermap.console.asked import lines
+from hypermap.console.moments import changes_since, unknown_since, version_in, worth_showing
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.pictures import MOST_PICTURES
 from hypermap.core.semantic import SemanticLayer
+from hypermap.history import grown
 from hypermap.notes import described, find_notes
 from hypermap.questions.answer import Answer, ask
 from hypermap.questions.query import MOST_LETTERS, Condition, Query, Reference, When
@@ -258,27 +262,39 @@ class Looking:
         self,
         *,
         since: Annotated[
-            str, Field(max_length=40, description="as 2026-11-20T10:00+01:00, yesterday or 7d")
+            str,
+            Field(max_length=40, description="as 2026-11-20T10:00+01:00, yesterday, 7d or v3"),
         ],
         limit: Limit = 20,
     ) -> dict[str, Any]:
-        """List the objects first seen since a time, and those not seen since then.
+        """List what changed since a time or a version: the newest of each list first.
 
-        Objects that are gone from the map are not listed. Times without a zone are in UTC.
+        Objects were added, gone, moved, reshaped, renamed, edited, expired, or first seen where
+        nothing was looked for before; corrected are those that stand elsewhere because poses were
+        corrected. not_seen are objects on the map not seen since. added, where the history does not
+        reach back so far, are those first seen since. Times without a zone are in UTC.
         """
-        begin = _since(since)
-        hypermap, added = self._answer(Query(when=(When("new", begin),)))
-        _, unseen = self._answer(Query(when=(When("not seen", begin),)))
-        last_first = sorted(added.objects, key=lambda item: -(item.object.first_seen or 0.0))
-        longest_first = sorted(unseen.objects, key=lambda item: item.object.last_seen or 0.0)
-        return answer_of(
-            hypermap,
-            since=begin.isoformat(),
-            added_count=added.count,
-            added=object_rows(hypermap, last_first[:limit]),
-            not_seen_count=unseen.count,
-            not_seen=object_rows(hypermap, longest_first[:limit]),
-        )
+        hypermap = grown(self._current(), time.time())
+        begin = None if version_in(since) is not None else _since(since)
+        moment = since if begin is None else begin.isoformat()
+        if hypermap.history is None and begin is not None:
+            unknown: str | None = "the map keeps no history: what is gone or moved is not known"
+            shown: dict[str, Any] = {}
+        else:
+            shown = self._changes(hypermap, moment, limit)
+            unknown = unknown_since(hypermap, moment)
+        if begin is not None:
+            if unknown:
+                _, added = self._answer(Query(when=(When("new", begin),)))
+                last_first = sorted(added.objects, key=lambda item: -(item.object.first_seen or 0))
+                shown |= {"added_count": added.count}
+                shown |= {"added": object_rows(hypermap, last_first[:limit])}
+            _, unseen = self._answer(Query(when=(When("not seen", begin),)))
+            longest_first = sorted(unseen.objects, key=lambda item: item.object.last_seen or 0.0)
+            shown |= {"not_seen_count": unseen.count}
+            shown |= {"not_seen": object_rows(hypermap, longest_first[:limit])}
+        notes = {"notes": [unknown]} if unknown else {}
+        return answer_of(hypermap, since=moment, **shown, **notes)
 
     def render_view(
         self,
@@ -373,6 +389,20 @@ class Looking:
         return self.list_rooms()
 
     # What they share
+
+    def _changes(self, hypermap: Hypermap, moment: str, limit: int) -> dict[str, Any]:
+        """Return what the history of a map tells, without what is doubtful, the newest first."""
+        found = changes_since(hypermap, moment, "since")
+        sure = worth_showing(found)
+        rows = [change_row(hypermap, *pair) for pair in reversed(sure[-limit:])]
+        counts = Counter(change.kind for _, change in sure)
+        doubtful = len(found) - len(sure)
+        return {
+            "count": len(sure),
+            "counts": dict(counts.most_common()),
+            **({"doubtful_count": doubtful} if doubtful else {}),
+            "changes": rows,
+        }
 
     def _answer(self, query: Query) -> tuple[Hypermap, Answer]:
         hypermap = self._current()

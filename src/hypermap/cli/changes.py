@@ -70,7 +70,7 @@ def command(
         hypermap changes office.hmap --since 7d --name chair --picture chairs.png
         hypermap changes office.hmap --since v3 --json
     """
-    from hypermap.console.moments import changes_since, unknown_since
+    from hypermap.console.moments import changes_since, unknown_since, worth_showing
     from hypermap.formats import open_map
     from hypermap.viewer.picture import check_suffix
 
@@ -88,17 +88,17 @@ def command(
     if as_json:
         rows = [_facts(revision) | described(change) for revision, change in found]
         say_json({"frame_id": hypermap.base_frame, "changes": rows})
-        worth_showing = found
+        shown_changes = found
     else:
-        worth_showing = found if show_all else _worth_showing(found)
-        _show(worth_showing, names is not None or show_all)
-        if left_out := len(found) - len(worth_showing):
+        shown_changes = found if show_all else worth_showing(found)
+        _show(shown_changes, names is not None or show_all)
+        if left_out := len(found) - len(shown_changes):
             note(f"{counted(left_out, 'doubtful change')} left out; --all shows them")
     if picture is not None:
         from hypermap.evaluation import Changes
         from hypermap.viewer.changes import render_changes
 
-        drawn = tuple(change for _, change in worth_showing)
+        drawn = tuple(change for _, change in shown_changes)
         shown = Changes(drawn, _unchanged(hypermap, found, names))
         render_changes(hypermap, shown, picture, title=path.stem, is_over_time=True)
         note(f"saved {picture}")
@@ -117,13 +117,6 @@ def _unchanged(
         if isinstance(layer, SemanticLayer)
         for item in layer.objects()
     )
-
-
-def _worth_showing(found: _Found) -> _Found:
-    """Return the changes that are worth showing."""
-    revisions = dict.fromkeys(revision for revision, _ in found)
-    shown = {change for revision in revisions for change in revision.worth_showing()}
-    return [(revision, change) for revision, change in found if change in shown]
 
 
 def _show(found: _Found, each: bool) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import time
+from collections.abc import Sequence
 from datetime import datetime
 
 from hypermap.core.errors import HypermapError
@@ -75,6 +76,15 @@ def changes_since(
     else:
         later = [revision for _, revision in dated]
     return [(revision, change) for revision in later for change in revision.changes]
+
+
+def worth_showing(
+    found: Sequence[tuple[Revision, Change]],
+) -> list[tuple[Revision, Change]]:
+    """Return the changes that people are shown: without doubtful ones."""
+    revisions = dict.fromkeys(revision for revision, _ in found)
+    shown = {change for revision in revisions for change in revision.worth_showing()}
+    return [(revision, change) for revision, change in found if change in shown]
 
 
 def unknown_since(hypermap: Hypermap, moment: str) -> str | None:
