@@ -81,7 +81,16 @@ def counted(number: int, one: str, many: str = "") -> str:
     >>> counted(1, "object"), counted(2, "class", "classes")
     ('1 object', '2 classes')
     """
-    return f"{number} {one if number == 1 else many or one + 's'}"
+    return f"{number} {noun(number, one, many)}"
+
+
+def noun(number: int, one: str, many: str = "") -> str:
+    """Return a noun as it follows a number.
+
+    >>> noun(1, "object"), noun(0, "object")
+    ('object', 'objects')
+    """
+    return one if number == 1 else many or one + "s"
 
 
 def natural(name: str) -> list[tuple[int, str]]:

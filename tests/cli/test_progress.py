@@ -29,6 +29,24 @@ def test_elsewhere_a_plain_line_comes_now_and_then(capsys):
     assert "3 objects" in line
 
 
+def test_one_of_a_thing_is_told_in_the_singular(monkeypatch, capsys):
+    with progress.counting("mapping", 1, "drive"):
+        pass
+    with progress.counting("mapping", 2, "series of drives", "series of drives"):
+        pass
+    said = capsys.readouterr().err.splitlines()
+    assert said == ["mapping: 1 drive ...", "mapping: 2 series of drives ..."]
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=120)
+    monkeypatch.setattr(progress, "err", lambda: console)
+    with progress.counting("reading", 1, "map") as count:
+        count()
+    with progress.mapping_progress(1) as report:
+        report(Progress(done=1, total=1, objects=1, counts=Counts(used=1)))
+    assert "map," in screen.getvalue()
+    assert "frame, 0.0/s, 1 object," in screen.getvalue()
+
+
 def test_a_pace_leaves_out_the_first_frame_which_loads_code(monkeypatch):
     clock = iter([10.0, 10.5, 12.0])
     monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))

@@ -130,7 +130,7 @@ class PoseCorrection:
 
         with stop_on_signal() as stop:
             stoppable = StoppableRecording(recording, stop, "correcting the poses read so far")
-            with counting("correcting poses", len(recording), "frames") as count:
+            with counting("correcting poses", len(recording), "frame") as count:
                 made = correct_poses(stoppable, count)
         if stop.is_wanted and not made.poses:
             note("no frame was read so far, so nothing is saved")

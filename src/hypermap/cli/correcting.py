@@ -47,7 +47,7 @@ def corrected(
 
             def tell(_done: int, total: int) -> None:
                 if not bar:
-                    bar.append(shown.enter_context(counting("mapping again", total, "frames")))
+                    bar.append(shown.enter_context(counting("mapping again", total, "frame")))
                 bar[0]()
 
             correction = mapper.correct(trajectory, tell)

@@ -11,6 +11,7 @@ import typer
 from hypermap.cli.terminal import note, out, say, table
 from hypermap.cli.watching import Browser, Port, View, watching
 from hypermap.core.errors import HypermapError
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.cli.watching import Watched
@@ -72,11 +73,11 @@ def command(
         renders_once=keep_recording,
     )
     if keep_recording:
-        note(f"saving {len(recording)} simulated frames ...")
+        note(f"saving {counted(len(recording), 'simulated frame')} ...")
         write_tum(recording, folder / "recording")
     map_file, truth_file, picture = (folder / n for n in ("room.hmap", "truth.hmap", "room.png"))
     with watching(view, "simulated room", map_file, len(recording), port, browser) as watched:
-        note(f"driving through a simulated room with {len(world.objects)} objects ...")
+        note(f"driving through a simulated room with {counted(len(world.objects), 'object')} ...")
         hypermap, truth = _map(recording, watched), ground_truth(world)
         # Someone may have tried to edit the older one.
         save_with_backup(hypermap, map_file, spare_edited=True)

@@ -34,7 +34,7 @@ def run(plan: Plan, output: Path | None, as_json: bool, replace: bool) -> None:
         for seed in plan.seed_range
     ]
     config = profile("default")
-    with counting("mapping", len(series), "series of drives") as count:
+    with counting("mapping", len(series), "series of drives", "series of drives") as count:
         for tally in map_series(series, config, plan.jobs):
             found.setdefault(tally.world, []).append(tally)
             count()

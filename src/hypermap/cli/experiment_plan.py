@@ -166,7 +166,7 @@ class Plan:
         mapped: list[Mapped] = []
         failed: dict[str, str] = {}
         with (
-            counting("mapping", len(drives), "drives") as count,
+            counting("mapping", len(drives), "drive") as count,
             contextlib.closing(map_drives(drives, methods, self.jobs)) as done,
         ):
             for each in done:

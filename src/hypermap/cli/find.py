@@ -11,6 +11,7 @@ from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.options import AsJson
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.core.errors import HypermapError
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.fleet.store.finding import AtSite, Sighting
@@ -101,7 +102,7 @@ def _found(
         return find_in_store(Database(parse_address(store)), names, point, before)
     from hypermap.cli.progress import counting
 
-    with counting("reading", len(maps_in(folder)), "maps") as count:
+    with counting("reading", len(maps_in(folder)), "map") as count:
         found, wrong = find_in_folder(folder, names, point, before, count)
     for error in wrong:
         note(f"left out: {error}")
@@ -121,7 +122,7 @@ def _described(site: AtSite, found: list[Sighting]) -> dict[str, Any]:
 
 def _show(sites: list[AtSite], count: int) -> None:
     from hypermap.questions.times import time_of
-    from hypermap.text import counted, decimal, printable
+    from hypermap.text import decimal, printable
 
     if not sites:
         say("found nowhere")

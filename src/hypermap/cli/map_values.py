@@ -82,7 +82,7 @@ def _read(source: ValueSource, recording: Recording, options: RecordingOptions) 
     from hypermap.recordings.samples import message_count, read_bag, reasons
 
     count = message_count(recording.path, source.topic)
-    with counting(f"reading {source.topic}", count, "messages") as report:
+    with counting(f"reading {source.topic}", count, "message") as report:
         measured = read_bag(
             recording.path,
             source.topic,

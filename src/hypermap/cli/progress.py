@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeAlias
 
 from hypermap.cli.terminal import err, note
-from hypermap.text import counted
+from hypermap.text import counted, noun
 
 if TYPE_CHECKING:
     from hypermap.mapping.recording_to_map import Progress
@@ -44,11 +44,11 @@ def mapping_progress(total: int) -> Iterator[Report]:
 
 
 @contextmanager
-def counting(what: str, total: int, units: str) -> Iterator[Callable[[], None]]:
+def counting(what: str, total: int, unit: str, units: str = "") -> Iterator[Callable[[], None]]:
     """Show how far a work on a number of units is while the caller counts them."""
     if not err().is_terminal:
-        note(f"{what}: {total} {units} ...")
-        yield _count_lines(what, total, units)
+        note(f"{what}: {counted(total, unit, units)} ...")
+        yield _count_lines(what, total, counted(total, unit, units))
         return
     from rich import progress as rich
 
@@ -56,7 +56,7 @@ def counting(what: str, total: int, units: str) -> Iterator[Callable[[], None]]:
         rich.TextColumn(what),
         rich.BarColumn(),
         rich.MofNCompleteColumn(),
-        rich.TextColumn(f"{units},"),
+        rich.TextColumn(f"{noun(total, unit, units)},"),
         rich.TimeRemainingColumn(),
         rich.TextColumn("left"),
         console=err(),
@@ -65,7 +65,7 @@ def counting(what: str, total: int, units: str) -> Iterator[Callable[[], None]]:
         yield lambda: bar.advance(task)
 
 
-def _count_lines(what: str, total: int, units: str) -> Callable[[], None]:
+def _count_lines(what: str, total: int, all_units: str) -> Callable[[], None]:
     """Return what says now and then how many units are done."""
     done, last_shown = 0, time.monotonic()
 
@@ -75,7 +75,7 @@ def _count_lines(what: str, total: int, units: str) -> Callable[[], None]:
         now = time.monotonic()
         if now - last_shown >= _EVERY and done < total:
             last_shown = now
-            note(f"{what}: {done} of {total} {units}")
+            note(f"{what}: {done} of {all_units}")
 
     return count
 
@@ -124,16 +124,19 @@ def _bar(total: int) -> Iterator[Report]:
         rich.TextColumn("mapping"),
         rich.BarColumn(),
         rich.MofNCompleteColumn(),
-        rich.TextColumn("frames, {task.fields[rate]:.1f}/s, {task.fields[objects]} objects,"),
+        rich.TextColumn(
+            noun(total, "frame") + ", {task.fields[rate]:.1f}/s, {task.fields[objects]},"
+        ),
         rich.TimeRemainingColumn(),
         rich.TextColumn("left"),
         console=err(),
     ) as bar:
-        task = bar.add_task("mapping", total=total, rate=0.0, objects=0)
+        task = bar.add_task("mapping", total=total, rate=0.0, objects="0 objects")
 
         def report(progress: Progress) -> None:
             rate = pace.after(progress.done)
-            bar.update(task, completed=progress.done, rate=rate, objects=progress.objects)
+            objects = counted(progress.objects, "object")
+            bar.update(task, completed=progress.done, rate=rate, objects=objects)
 
         yield report
 

@@ -133,7 +133,7 @@ def command(
         seed=seed if day == 1 else seed_of_day(seed, day),
         start=begin,
     )
-    with counting("simulating", len(recording), "frames") as count:
+    with counting("simulating", len(recording), "frame") as count:
         (write_bag if is_bag else write_tum)(recording, output, on_frame=count)
     truth = ground_truth(described)
     truth.metadata["world"] = described.name

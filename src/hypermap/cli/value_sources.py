@@ -63,7 +63,7 @@ def read(
         return replace(measured, quantity=field or table.stem)
     assert source is not None
     assert topic is not None
-    with counting("reading", message_count(source, topic), "messages") as report:
+    with counting("reading", message_count(source, topic), "message") as report:
         measured = read_bag(
             source,
             topic,

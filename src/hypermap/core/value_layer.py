@@ -137,7 +137,10 @@ class ValueLayer(Layer):
         if not found.count:
             return f"{self.quantity}: unknown all over, {cells}"
         first = f"{found.least:.{self.decimals}f}"
-        of_samples = "" if self.samples is None else f" of {len(self.samples)} samples"
+        of_samples = ""
+        if self.samples is not None:
+            number = len(self.samples)
+            of_samples = f" of {number} sample{'' if number == 1 else 's'}"
         return f"{self.quantity}: {first} to {self.text(found.most)}{of_samples}, {cells}"
 
     # Queries that every layer answers

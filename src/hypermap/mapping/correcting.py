@@ -128,8 +128,8 @@ def corrected_poses(
         missing = stamps[rows][~is_covered[rows]]
         if len(missing) and is_covered[rows].any():
             raise CannotCorrect(
-                f"no pose for {len(missing)} of the {len(stamps[rows])} frames of the drive "
-                f"{drive.name!r}, the first at {missing[0]:.6f} s: the poses reach from "
+                f"no pose for {len(missing)} of the {counted(len(stamps[rows]), 'frame')} of the "
+                f"drive {drive.name!r}, the first at {missing[0]:.6f} s: the poses reach from "
                 f"{begin:.6f} to {end:.6f} s, and gaps up to {trajectory.max_gap:g} s are bridged "
                 "(--max-pose-gap)"
             )
@@ -138,8 +138,8 @@ def corrected_poses(
         is_between = bool(((begin <= stamps) & (stamps <= end)).any())
         gaps = f": there are gaps of more than {trajectory.max_gap:g} s" if is_between else ""
         raise CannotCorrect(
-            f"the poses, from {begin:.6f} to {end:.6f} s, are of none of the {len(stamps)} frames "
-            f"that the map keeps for this{known}{gaps}"
+            f"the poses, from {begin:.6f} to {end:.6f} s, are of none of the "
+            f"{counted(len(stamps), 'frame')} that the map keeps for this{known}{gaps}"
         )
     moved = _moved_along(stamps[is_covered], poses[is_covered], trajectory)
     _check_tilts(poses[is_covered], moved)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.perception.frame import RgbdFrame
+from hypermap.text import counted
 
 _LOOKED_AT = 30  # rows and columns of a frame that are sampled, about
 _FARTHEST = 50.0  # meters; the median depth of any real camera is smaller
@@ -64,7 +65,7 @@ class DepthCheck:
         }
         for kind, cause in causes.items():
             if 2 * self._odd[kind] > self._frames:
-                return f"in {self._odd[kind]} of {self._frames} frames, {cause}"
+                return f"in {self._odd[kind]} of {counted(self._frames, 'frame')}, {cause}"
         return None
 
 

@@ -19,6 +19,7 @@ from hypermap.mapping.same_place import PlaceCheck
 from hypermap.perception.embedders.embedder import Embedder
 from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.recording import Recording
+from hypermap.text import counted
 
 MAX_BAD = 0.5
 """Share of a recording's frames that may fail before mapping gives up."""
@@ -193,8 +194,8 @@ class _BadFrames:
         total, used = len(self._recording), self._mapper.counts.used
         if self._count > self._most * total or (used == 0 and self._count >= _MAX_FAILED_FIRST):
             raise HypermapError(
-                f"{self._recording.path}: {self._count} of {total} frames cannot be used, which is "
-                f"too many; the first one: {self._mapper.first_reason}"
+                f"{self._recording.path}: {self._count} of {counted(total, 'frame')} cannot be "
+                f"used, which is too many; the first one: {self._mapper.first_reason}"
             )
 
     def finish(self) -> None:
@@ -208,6 +209,6 @@ class _BadFrames:
             reason = self._mapper.first_reason
             why = f"; the first one: {reason}" if reason else ""
             raise HypermapError(
-                f"{self._recording.path}: nothing to map: none of {counts.frames} frames "
-                f"can be used{why}"
+                f"{self._recording.path}: nothing to map: none of "
+                f"{counted(counts.frames, 'frame')} can be used{why}"
             )

@@ -172,8 +172,9 @@ class NumberedRecording(ImageFolder):
             raise broken[0]
         if not frames:
             raise FormatError(
-                f"there is no complete frame: {len(depths)} depth images, {len(colors)} color "
-                f"images and {len(poses)} poses, {lost} of them without tracking",
+                f"there is no complete frame: {counted(len(depths), 'depth image')}, "
+                f"{counted(len(colors), 'color image')} and {counted(len(poses), 'pose')}, "
+                f"{lost} of them without tracking",
                 path=self._path,
             )
         notes = []

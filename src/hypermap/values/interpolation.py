@@ -18,6 +18,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry, check_resolution
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
+from hypermap.text import counted
 from hypermap.values.fitting import LEAST_SAMPLES, fit_settings, with_limits
 from hypermap.values.kernel import kernel_estimate
 from hypermap.values.lattice import Lattice, floor_cells, padded_grid
@@ -149,10 +150,11 @@ def _check(samples: Samples, is_given: bool) -> None:
     heard = int(np.count_nonzero(~samples.is_below))
     if heard == 0:
         raise HypermapError(
-            f"none of the {len(samples)} samples has a value; without one there is nothing to map"
+            f"none of the {counted(len(samples), 'sample')} has a value; without one there is "
+            "nothing to map"
         )
     if not is_given and heard < LEAST_SAMPLES:
-        number = "1 sample with a value is" if heard == 1 else f"{heard} samples with a value are"
+        number = counted(heard, "sample with a value is", "samples with a value are")
         raise HypermapError(
             f"{number} too few to estimate how the quantity varies; give at least {LEAST_SAMPLES}, "
             "or its length, deviation and noise, or use the method nearest"

@@ -18,6 +18,7 @@ from hypermap.perception.detectors.layouts import LAYOUTS, recognize
 from hypermap.perception.detectors.nms import suppress
 from hypermap.perception.detectors.onnx_model import OnnxModel
 from hypermap.perception.detectors.placement import BORDER
+from hypermap.text import counted
 
 logger = logging.getLogger(__name__)
 
@@ -109,7 +110,8 @@ class OnnxDetector:
         if not 0 <= class_id < len(self.names):
             raise FormatError(
                 f"the model found an object of class {class_id}, but there are names for "
-                f"{len(self.names)} classes; give all of them with --labels FILE",
+                f"{counted(len(self.names), 'class', 'classes')}; give all of them with "
+                "--labels FILE",
                 path=self.model.path,
             )
         return self.names[class_id]
@@ -159,7 +161,7 @@ def _class_names(
     elif class_count == len(COCO):
         names = COCO
     else:
-        classes = "classes" if class_count is None else f"{class_count} classes"
+        classes = "classes" if class_count is None else counted(class_count, "class", "classes")
         raise FormatError(
             f"the model does not name its {classes}; give their names with --labels FILE, "
             "or --labels coco",
@@ -167,6 +169,8 @@ def _class_names(
         )
     if class_count not in (None, len(names)):
         raise FormatError(
-            f"{len(names)} names, but the model has {class_count} classes", path=source
+            f"{counted(len(names), 'name')}, but the model has "
+            f"{counted(class_count, 'class', 'classes')}",
+            path=source,
         )
     return names
