@@ -374,7 +374,7 @@ def test_what_was_not_heard_is_reported(hypermap, flat, tmp_path):
             [],
             "1 sample with a value is too few to estimate",
         ),
-        ("x,y,value\n1,1,-99\n", ["--censored-below", "-95"], "none of the 1 samples has a value"),
+        ("x,y,value\n1,1,-99\n", ["--censored-below", "-95"], "no sample of 1 has a value"),
         ("x,y,value\n99,1,20\n", [], "no sample of 1 is on the map, which reaches from"),
         ("x,y,value\n1,1,20\n", ["--resolution", "0", "--method", "nearest"], "resolution must be"),
         ("x,y,value\n1,1,nan\n", [], "no usable sample: 1 sample without a number"),
@@ -422,4 +422,7 @@ def test_a_file_of_another_kind_is_refused(hypermap, flat, tmp_path):
     assert_one_error(result, "office.png: expected a table of samples (.csv), a bag")
     result = hypermap("values", foreign, "--samples", foreign, *out)
     assert_one_error(result, "office.png: expected a bag (.bag, .mcap, .db3 or a folder) or a traj")
-    assert_one_error(hypermap("values", flat, *out), "the map has no layer of measured values")
+    assert_one_error(hypermap("values", flat, *out), f"{flat}: the map has no layer of measured")
+    assert_one_error(
+        hypermap("values", flat, "--quantity", "co2", *out), f"{flat}: there is no layer 'co2'"
+    )

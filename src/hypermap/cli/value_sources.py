@@ -102,12 +102,18 @@ def read_layer(
     """Return the samples that a value layer of a map file keeps, in a given frame.
 
     Those at whose time `poses`, a trajectory of the sensor, has a pose are where it says.
+
+    Raises:
+        HypermapError: If the map has no such layer, or several and no quantity was given.
     """
     from hypermap.formats import open_map
     from hypermap.values import value_layer_called
 
     hypermap = open_map(file)
-    layer = value_layer_called(hypermap, quantity)
+    try:
+        layer = value_layer_called(hypermap, quantity)
+    except HypermapError as error:
+        raise HypermapError(f"{file}: {error}") from None
     measured = _kept(hypermap, layer, frame, censored_below)
     if poses is not None:
         measured = replace(measured, samples=_along(measured.samples, poses, frame))

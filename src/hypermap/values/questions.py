@@ -34,7 +34,10 @@ def value_layer_called(hypermap: Hypermap, name: str | None = None) -> ValueLaye
     if len(layers) == 1:
         return layers[0]
     if not layers:
-        raise HypermapError("the map has no layer of measured values; `hypermap values` makes one")
+        raise HypermapError(
+            "the map has no layer of measured values; `hypermap values` makes one, of a table "
+            "(.csv) or a bag"
+        )
     names = ", ".join(layer.name for layer in layers)
     raise HypermapError(f"the map has several layers of measured values: {names}; name one")
 
