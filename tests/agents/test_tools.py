@@ -33,6 +33,7 @@ from hypermap.history import begin_history
 from hypermap.notes import notes_layer
 
 Call = Callable[..., Any]
+A_POINT = "expected a point [x, y] of two finite numbers, such as [1.5, -2.0]"
 
 
 def calling(tools: list[Tool]) -> Call:
@@ -245,9 +246,12 @@ def test_a_view_is_a_picture(call: Call) -> None:
         ("find_objects", {"within": -1}, "within: "),
         ("find_objects", {"name": "cup"}, "no such argument; did you mean 'names'?"),
         ("nearest", {"name": "cup"}, "start: is required, but missing"),
-        ("nearest", {"name": "cup", "start": [float("nan"), 0]}, "start.0: "),
-        ("what_is_at", {"point": [1, 2, 3]}, "point"),
-        ("what_is_at", {"point": None}, "point"),
+        ("nearest", {"name": "cup", "start": [float("nan"), 0]}, f"start: {A_POINT}"),
+        ("what_is_at", {"point": [1, 2, 3]}, f"point: {A_POINT}"),
+        ("what_is_at", {"point": [1]}, f"point: {A_POINT}"),
+        ("what_is_at", {"point": "1, 2"}, f"point: {A_POINT}"),
+        ("what_is_at", {"point": None}, f"point: {A_POINT}"),
+        ("find_objects", {"near": {"x": 1, "y": 2}}, f"near: {A_POINT}"),
         ("describe_room", {"room": "x" * 10_000}, "room: "),
         ("path_to", {"goal": "zebra", "start": [3, 3]}, "zebra"),
         ("path_to", {"goal": "printer", "start": [-50, 0]}, "off the grid"),

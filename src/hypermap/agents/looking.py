@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 import shapely
-from pydantic import Field, FiniteFloat
+from pydantic import Field, FiniteFloat, WrapValidator
 
 from hypermap.agents.shown import (
     answer_of,
@@ -24,7 +24,7 @@ from hypermap.agents.shown import (
     place,
     room_row,
 )
-from hypermap.agents.tools import Picture
+from hypermap.agents.tools import Picture, as_point
 from hypermap.console.asked import lines
 from hypermap.console.moments import changes_since, unknown_since, version_in, worth_showing
 from hypermap.core.errors import HypermapError
@@ -47,7 +47,7 @@ _MOST_OBJECTS = 100
 
 Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
 Names: TypeAlias = Annotated[list[Name], Field(max_length=20)]
-Point: TypeAlias = tuple[FiniteFloat, FiniteFloat]
+Point: TypeAlias = Annotated[tuple[FiniteFloat, FiniteFloat], WrapValidator(as_point)]
 Limit: TypeAlias = Annotated[int, Field(ge=1, le=_MOST_OBJECTS, description="most objects")]
 Meters: TypeAlias = Annotated[FiniteFloat, Field(ge=0, le=10_000)]
 

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
-from pydantic_core import ArgsKwargs
+from pydantic_core import ArgsKwargs, PydanticCustomError
 
 from hypermap.core.errors import HypermapError, did_you_mean
 
@@ -92,6 +92,16 @@ class Tool:
     def _adapter(self) -> TypeAdapter[Any]:
         function: Any = self.function
         return TypeAdapter(function, config=ConfigDict(extra="forbid"))
+
+
+def as_point(value: Any, check: Callable[[Any], tuple[float, float]]) -> tuple[float, float]:
+    """Return x and y, as pydantic checks them; what is wrong is told with a right one."""
+    try:
+        return check(value)
+    except ValidationError:
+        raise PydanticCustomError(
+            "point", "expected a point [x, y] of two finite numbers, such as [1.5, -2.0]"
+        ) from None
 
 
 def bounded(answer: dict[str, Any], most_bytes: int = MOST_BYTES) -> dict[str, Any]:
