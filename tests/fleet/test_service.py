@@ -224,7 +224,12 @@ def test_an_editor_adds_replaces_and_removes(editor: Any, database: Database, si
     assert (added.status_code, added.json()) == (201, {"id": 6})
     renamed = {**CUP, "properties": {"name": "mug"}}
     assert editor.put(f"{items}/6", json=renamed).status_code == 400  # which version?
-    assert editor.put(f"{items}/6", json=renamed, headers={"If-Match": "1"}).status_code == 412
+    late = editor.put(f"{items}/6", json=renamed, headers={"If-Match": "1"})
+    assert late.status_code == 412
+    assert late.json()["description"] == (
+        f"http://testserver: object 6 of layer 'semantic' of site {site!r} was changed, in version "
+        "2, by someone else; read it again"
+    )
     assert editor.put(f"{items}/6", json=renamed, headers={"If-Match": '"2"'}).status_code == 204
     assert editor.get(f"{items}/6").json()["properties"]["name"] == "mug"
     assert editor.delete(f"{items}/0", headers={"If-Match": "1"}).status_code == 204
@@ -270,6 +275,16 @@ def test_sigterm_is_the_usual_end_of_what_serves_or_follows(
         process.terminate()
         assert process.communicate(timeout=240)[1] == ""
         assert process.wait() == 0
+
+
+def test_clients_of_a_store_that_is_away_do_not_read_where_its_database_is(tmp_path: Path) -> None:
+    away = f"postgresql://owner@/store?host={tmp_path}"
+    for client in client_of(away, allows_edits=False):
+        answer = client.get("/collections")
+        assert answer.status_code == 503
+        assert answer.json()["description"] == (
+            "http://testserver: the store does not answer; try again later"
+        )
 
 
 def test_gdal_reads_a_site_with_special_characters_page_by_page(store: str, reader: Any) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import logging
 import re
 import secrets
 from collections.abc import Callable
@@ -40,6 +41,7 @@ from hypermap.fleet.store.service.parameters import BadRequest
 from hypermap.fleet.store.updates import Update, apply
 from hypermap.formats.semantic.geojson import from_geojson
 
+_log = logging.getLogger(__name__)
 _MOST_BODY = 1_000_000  # bytes
 _NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")  # after whole pairs of backslashes
 
@@ -97,6 +99,7 @@ class StoreService:
                 ClientDisconnect: _let_go,
             },
         )
+        self.app.state.store = address.shown
         self.app.state.url = None if url is None else url.rstrip("/") + "/"
 
     def _route(self, path: str, answer: Callable[[Request, Database], tuple[Any, str]]) -> Route:
@@ -295,16 +298,23 @@ def _link(href: str, rel: str, media: str, title: str) -> dict[str, str]:
     return {"href": href, "rel": rel, "type": media, "title": title}
 
 
-def _refused(_request: Request, error: Exception) -> Response:
-    """Return what went wrong; a refusal says no more than it must."""
+def _refused(request: Request, error: Exception) -> Response:
+    """Return what went wrong; a refusal says no more than it must.
+
+    Clients do not know the database: for them, the store is at the address of this service.
+    """
+    root = _root(request).rstrip("/")
+    text = str(error).replace(request.app.state.store, root)
     code = 400
     if isinstance(error, Conflict):
         code = 412
     elif isinstance(error, StoreAway):
         code = 503
+        _log.warning("%s", error)  # which names the server of the database, and its port
+        text = f"{root}: the store does not answer; try again later"
     elif not isinstance(error, BadRequest):
         code = 403
-    return JSONResponse({"code": str(code), "description": str(error)}, code)
+    return JSONResponse({"code": str(code), "description": text}, code)
 
 
 def _let_go(_request: Request, _error: Exception) -> Response:
