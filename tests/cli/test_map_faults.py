@@ -63,7 +63,7 @@ def test_depth_in_a_wrong_unit_is_reported_with_its_likely_cause(hypermap, tmp_p
     result = hypermap("map", drive, "--intrinsics", INTRINSICS, "--depth-scale", "1", "-o", out)
     assert result.code == 2
     last = result.err.splitlines()[-1]
-    assert "nothing to map: none of 3 frames can be used; the first one: half of its" in last
+    assert "nothing to map: no frame of 3 can be used; the first one: half of its" in last
     assert "--depth-scale" in last
     assert not out.exists()
 

@@ -139,7 +139,7 @@ def test_a_copy_cannot_be_changed_either():
 def test_the_summary_says_what_is_measured():
     samples = Samples.of([[0.5, 0.5]], [20.0])
     layer = warmth(quantity="temperature", samples=samples)
-    assert layer.summary() == "temperature: 20.0 to 28.0 °C of 1 samples, 3 x 2 cells of 1 m"
+    assert layer.summary() == "temperature: 20.0 to 28.0 °C of 1 sample, 3 x 2 cells of 1 m"
     assert warmth([[NAN] * 3] * 2).summary().startswith("warmth: unknown all over")
 
 

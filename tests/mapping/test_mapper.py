@@ -209,7 +209,7 @@ def test_a_recording_without_a_usable_frame_is_an_error(count: int) -> None:
     with pytest.raises(HypermapError) as error:
         map_recording(Frames([empty] * count), boxes, CONFIG)
     assert str(error.value) == (
-        f"some/where/walk: nothing to map: none of {count} frames can be used"
+        f"some/where/walk: nothing to map: no frame of {count} can be used"
         + ("; the first one: its depth image is empty" if count else "")
     )
 

@@ -137,7 +137,7 @@ def test_settings_are_taken_as_given_even_for_one_sample():
     ("count", "below", "said"),
     [
         (4, 0, "4 samples with a value are too few to estimate how the quantity varies"),
-        (6, 6, "none of the 6 samples has a value"),
+        (6, 6, "no sample of 6 has a value"),
         (6, 3, "3 samples with a value are too few"),
     ],
 )

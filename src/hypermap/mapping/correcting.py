@@ -138,8 +138,8 @@ def corrected_poses(
         is_between = bool(((begin <= stamps) & (stamps <= end)).any())
         gaps = f": there are gaps of more than {trajectory.max_gap:g} s" if is_between else ""
         raise CannotCorrect(
-            f"the poses, from {begin:.6f} to {end:.6f} s, are of none of the "
-            f"{counted(len(stamps), 'frame')} that the map keeps for this{known}{gaps}"
+            f"the poses, from {begin:.6f} to {end:.6f} s, are of no frame of the {len(stamps)} "
+            f"that the map keeps for this{known}{gaps}"
         )
     moved = _moved_along(stamps[is_covered], poses[is_covered], trajectory)
     _check_tilts(poses[is_covered], moved)

@@ -209,6 +209,6 @@ class _BadFrames:
             reason = self._mapper.first_reason
             why = f"; the first one: {reason}" if reason else ""
             raise HypermapError(
-                f"{self._recording.path}: nothing to map: none of "
-                f"{counted(counts.frames, 'frame')} can be used{why}"
+                f"{self._recording.path}: nothing to map: no frame of {counts.frames} "
+                f"can be used{why}"
             )

@@ -150,8 +150,7 @@ def _check(samples: Samples, is_given: bool) -> None:
     heard = int(np.count_nonzero(~samples.is_below))
     if heard == 0:
         raise HypermapError(
-            f"none of the {counted(len(samples), 'sample')} has a value; without one there is "
-            "nothing to map"
+            f"no sample of {len(samples)} has a value; without one there is nothing to map"
         )
     if not is_given and heard < LEAST_SAMPLES:
         number = counted(heard, "sample with a value is", "samples with a value are")

@@ -245,7 +245,7 @@ def test_coco_can_be_asked_for_where_a_network_names_nothing(
             None,
             "{model}: 2 names, but the model has 3 classes",
         ),
-        ("RF-DETR", {}, "cup\n", "{labels}: 1 names, but the model has 3 classes"),
+        ("RF-DETR", {}, "cup\n", "{labels}: 1 name, but the model has 3 classes"),
         (
             "YOLOv8, YOLO11",
             {"names": "__import__('os').system('true')"},
