@@ -55,6 +55,14 @@ def test_conda_gets_the_same_requirements_as_pip() -> None:
     assert set(recipe["requirements"]["host"]) - {"python >=3.10", "pip"} == build_requirements()
 
 
+def test_conda_starts_the_command_as_pip_does() -> None:
+    recipe = yaml.safe_load((ROOT / "packaging/conda/recipe.yaml").read_text(encoding="utf-8"))
+    (of_conda,) = recipe["build"]["python"]["entry_points"]
+    name, function = of_conda.split(" = ")
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'[project.scripts]\n{name} = "{function}"\n' in text
+
+
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
     """A git repository of one commit, with our build settings and no tag."""

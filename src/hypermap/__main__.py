@@ -1,5 +1,5 @@
 """Run the command line as `python -m hypermap`."""
 
-from hypermap.cli.main import main
+from hypermap.cli.start import main
 
 main()

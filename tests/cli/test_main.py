@@ -72,6 +72,18 @@ def test_a_question_loads_only_what_it_needs(room_map):
     assert not commands & {"hypermap.cli.demo", "hypermap.cli.map_", "hypermap.cli.live"}
 
 
+def test_ctrl_c_while_the_program_loads_shows_no_traceback():
+    done = run_python(
+        "import runpy, signal, sys\n"
+        "class Interrupter:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'typer': signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupter())\n"
+        "runpy.run_module('hypermap', run_name='__main__')"
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
 def test_the_page_loads_no_compiled_loops_and_a_mapper_no_solver_that_few_maps_need():
     done = run_python(
         "import sys, hypermap.viewer.live.app\n"
