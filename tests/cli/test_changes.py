@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,16 @@ from pathlib import Path
 import pytest
 import shapely
 
-from hypermap import Hypermap, SemanticLayer, SemanticObject, open_map, save_map
+from hypermap import (
+    FrameTree,
+    Hypermap,
+    Pose2D,
+    SemanticLayer,
+    SemanticObject,
+    Transform,
+    open_map,
+    save_map,
+)
 from hypermap.core.history import ADDED, GONE, Change, Revision
 from hypermap.formats import locks
 from hypermap.formats.locks import turn_to_edit
@@ -55,6 +65,23 @@ def test_changes_tells_what_changed_since_a_time_or_a_version(hypermap: Run, off
     lines = hypermap("changes", office, "--since", "v2").out.splitlines()
     assert "3.00 m (100%)" in lines[2]
     assert lines[-1] == "1 moved, 1 gone"
+
+
+def test_places_of_changes_are_in_the_base_frame(hypermap: Run, tmp_path: Path) -> None:
+    frames = FrameTree()
+    frames.add(Transform("map", "annex", Pose2D(10.0, 0.0, math.pi / 2)))
+    things = SemanticLayer("semantic", "annex", [SemanticObject("cup", shapely.box(2, 0, 3, 1))])
+    tables = SemanticLayer("tables", "map", [SemanticObject("table", shapely.box(0, 0, 1, 1))])
+    office = Hypermap([tables, things], frames)
+    begin_history(office)
+    things.update(0, SemanticObject("cup", shapely.box(4, 0, 5, 1)))
+    save_map(office, tmp_path / "office.hmap")
+    told = hypermap("changes", tmp_path / "office.hmap", "--json").json
+    (row,) = told["changes"]
+    assert told["frame_id"] == "map"
+    assert row["before"] == pytest.approx({"id": 0, "name": "cup", "x": 9.5, "y": 2.5})
+    assert row["after"] == pytest.approx({"id": 0, "name": "cup", "x": 9.5, "y": 4.5})
+    assert "9.50, 4.50" in hypermap("changes", tmp_path / "office.hmap").out
 
 
 def test_changes_says_that_the_history_does_not_reach_back_so_far(

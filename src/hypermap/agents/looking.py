@@ -33,7 +33,7 @@ from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.pictures import MOST_PICTURES
 from hypermap.core.semantic import SemanticLayer
-from hypermap.history import grown
+from hypermap.history import grown, placed
 from hypermap.notes import described, find_notes
 from hypermap.questions.answer import Answer, ask
 from hypermap.questions.query import MOST_LETTERS, Condition, Query, Reference, When
@@ -394,7 +394,7 @@ class Looking:
         """Return what the history of a map tells, without what is doubtful, the newest first."""
         found = changes_since(hypermap, moment, "since")
         sure = worth_showing(found)
-        rows = [change_row(hypermap, *pair) for pair in reversed(sure[-limit:])]
+        rows = [change_row(one, placed(hypermap, each)) for one, each in reversed(sure[-limit:])]
         counts = Counter(change.kind for _, change in sure)
         doubtful = len(found) - len(sure)
         return {

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import shapely
 
-from hypermap.core.errors import FrameError, HypermapError
+from hypermap.core.errors import HypermapError
 from hypermap.core.history import Change, Revision
 from hypermap.core.hypermap import FoundObject, Hypermap
-from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.times import are_calendar
 from hypermap.rooms.questions import rooms_of_objects
 from hypermap.rooms.rooms import Door, Room, Rooms
@@ -47,13 +47,13 @@ def _row(item: FoundObject, room: Room | None) -> dict[str, Any]:
     return row
 
 
-def change_row(hypermap: Hypermap, revision: Revision, change: Change) -> dict[str, Any]:
+def change_row(revision: Revision, change: Change) -> dict[str, Any]:
     """Return a change as JSON values: of what, from where to where, when and by what."""
     row: dict[str, Any] = {"change": change.kind, "layer": change.layer}
     for state, thing in (("before", change.before), ("after", change.after)):
         if thing is not None:
             row[state] = {"id": thing.id, "name": str(thing.name)}
-            row[state] |= _place_of(hypermap, change.layer, thing)
+            row[state] |= dict(zip("xy", place(thing.footprint.centroid.coords[0]), strict=True))
     if change.distance is not None:
         row["distance"] = round(change.distance, 2)
     if change.confidence is not None:
@@ -62,18 +62,6 @@ def change_row(hypermap: Hypermap, revision: Revision, change: Change) -> dict[s
     if revision.time is not None:
         row["time"] = time_text(revision.time)
     return row | ({"drive": revision.drive} if revision.drive else {})
-
-
-def _place_of(hypermap: Hypermap, layer: str, thing: SemanticObject) -> dict[str, float]:
-    """Return where an object of a layer is or was; empty if the layer is gone, or has no place."""
-    if layer not in hypermap:
-        return {}
-    try:
-        base_T_layer = hypermap.frames.lookup(hypermap.base_frame, hypermap[layer].frame_id)
-    except FrameError:
-        return {}
-    x, y = place(base_T_layer.apply(thing.footprint.centroid.coords)[0])
-    return {"x": x, "y": y}
 
 
 def room_row(room: Room | None) -> dict[str, Any] | None:

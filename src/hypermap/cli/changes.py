@@ -72,6 +72,7 @@ def command(
     """
     from hypermap.console.moments import changes_since, unknown_since, worth_showing
     from hypermap.formats import open_map
+    from hypermap.history import placed
     from hypermap.viewer.picture import check_suffix
 
     if picture is not None:
@@ -79,7 +80,7 @@ def command(
         check_picture(picture)
     hypermap = open_map(path)
     found: _Found = [
-        (revision, change)
+        (revision, placed(hypermap, change))
         for revision, change in changes_since(hypermap, since)
         if not names or change.names & set(names)
     ]

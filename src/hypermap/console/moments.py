@@ -82,9 +82,7 @@ def worth_showing(
     found: Sequence[tuple[Revision, Change]],
 ) -> list[tuple[Revision, Change]]:
     """Return the changes that people are shown: without doubtful ones."""
-    revisions = dict.fromkeys(revision for revision, _ in found)
-    shown = {change for revision in revisions for change in revision.worth_showing()}
-    return [(revision, change) for revision, change in found if change in shown]
+    return [(revision, change) for revision, change in found if revision.is_worth_showing(change)]
 
 
 def unknown_since(hypermap: Hypermap, moment: str) -> str | None:

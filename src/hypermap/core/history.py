@@ -111,7 +111,11 @@ class Revision:
 
     def worth_showing(self) -> list[Change]:
         """Return the changes that people are shown: without doubtful ones, but for the first."""
-        return [one for one in self.changes if self.is_beginning or not one.is_doubtful]
+        return [one for one in self.changes if self.is_worth_showing(one)]
+
+    def is_worth_showing(self, change: Change) -> bool:
+        """Return whether people are shown one of its changes, as it is or in another frame."""
+        return self.is_beginning or not change.is_doubtful
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from hypermap.history.past import (
     check_version,
     is_known_from_the_beginning,
 )
+from hypermap.history.placed import placed
 from hypermap.history.policy import POLICY, HistoryPolicy
 
 __all__ = [
@@ -27,5 +28,6 @@ __all__ = [
     "is_known_from_the_beginning",
     "keeps_history",
     "next_expiry",
+    "placed",
     "version_of",
 ]

@@ -7,6 +7,7 @@ import math
 from hypermap.core.history import Change, Revision
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticObject
+from hypermap.history import placed
 from hypermap.ros.messages.geometry_messages import Types, point
 from hypermap.ros.port import Message
 
@@ -14,8 +15,9 @@ from hypermap.ros.port import Message
 def change_message(revision: Revision, change: Change, hypermap: Hypermap, types: Types) -> Message:
     """Return a change as `hypermap_msgs/ObjectChange`, in the base frame of the map.
 
-    Places of a layer that is not in the map any more are in the frame that it had.
+    Places of a layer that is not in the map any more, or has no place, are in its own frame.
     """
+    change = placed(hypermap, change)
     before, after = change.before, change.after
     return types.message("hypermap_msgs/ObjectChange")(
         version=revision.version,
@@ -27,20 +29,16 @@ def change_message(revision: Revision, change: Change, hypermap: Hypermap, types
         id=change.object.id or 0,
         name_before="" if before is None else before.name,
         name="" if after is None else after.name,
-        before=_place(before or change.object, change.layer, hypermap, types),
-        after=_place(change.object, change.layer, hypermap, types),
+        before=_place(before or change.object, types),
+        after=_place(change.object, types),
         distance=_or_nan(change.distance),
         confidence=_or_nan(change.confidence),
     )
 
 
-def _place(item: SemanticObject, layer: str, hypermap: Hypermap, types: Types) -> Message:
+def _place(item: SemanticObject, types: Types) -> Message:
     center = item.footprint.centroid
-    x, y = center.x, center.y
-    if layer in hypermap:
-        pose = hypermap.frames.lookup(hypermap.base_frame, hypermap[layer].frame_id)
-        x, y = pose.apply((x, y))[0].tolist()
-    return point(x, y, types)
+    return point(center.x, center.y, types)
 
 
 def _or_nan(value: float | None) -> float:
