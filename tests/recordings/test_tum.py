@@ -163,6 +163,17 @@ def test_the_header_of_a_trajectory_tells_the_unit_of_its_stamps(folder: Path) -
     assert stamps == pytest.approx(whole - whole[0] + 5.0, abs=1e-6)
 
 
+def test_the_units_of_a_header_may_be_spelled_out(folder: Path) -> None:
+    path = folder / "groundtruth.txt"
+    known, _ = read_trajectory(path, 1.0)
+    header = "# timestamp [sec], x [meters], y [Meters], z [meter], qx, qy, qz, qw\n"
+    path.write_text(header + path.read_text())
+    trajectory, notes = read_trajectory(path, 1.0)
+    np.testing.assert_array_equal(trajectory.stamps, known.stamps)
+    np.testing.assert_array_equal(trajectory.positions, known.positions)
+    assert notes == ()
+
+
 @pytest.mark.parametrize(
     ("header", "others", "message"),
     [

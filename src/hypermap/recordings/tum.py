@@ -27,6 +27,11 @@ from hypermap.recordings.textfiles import finite_numbers, read_header, read_line
 from hypermap.text import counted
 
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_SPELLED_OUT = {
+    "s": ("sec", "secs", "second", "seconds"),
+    "m": ("meter", "meters", "metre", "metres"),
+}
+_UNIT_OF = {word: unit for unit, words in _SPELLED_OUT.items() for word in words}
 _COLUMNS = (  # names of a stamp, a position and a quaternion, as p_RS_R_x, q_RS_w, tx, qw
     r"t|time|stamp|time_?stamp",
     *(rf"((p|t|pos|position)[_.]?(\w+[_.])?)?{axis}" for axis in "xyz"),
@@ -266,7 +271,8 @@ class _Header:
         if any(len(places) != 1 for places in found):
             return None
         columns = [places[0] for places in found]
-        units = ["".join(re.findall(r"\[(.*)\]", names[i])).strip() for i in columns]
+        units = ["".join(re.findall(r"\[(.*)\]", names[i])).strip().lower() for i in columns]
+        units = [_UNIT_OF.get(unit, unit) for unit in units]
         for i, known in ((0, _TICKS), (1, ("m",)), (2, ("m",)), (3, ("m",))):
             if units[i] and units[i] not in known:
                 raise FormatError(
