@@ -228,6 +228,30 @@ def test_a_site_is_shown_compared_and_converted_like_a_file(
     assert "leave out --frame" in run(capfd, "convert", address, "x.hmap", "--frame", "map")[2]
 
 
+def test_no_command_shows_the_password_of_a_store(
+    store: str, site: str, lab: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    run(capfd, "push", str(lab), store, "--site", site)
+    address = f"{store}&site={site}&password=secret"
+    for words in (
+        ("merge", address, str(lab), "--same-frame", "-o", "merged.hmap"),
+        ("merge", str(lab), address, "--same-frame", "-o", "merged.hmap"),
+        ("align", str(lab), address),
+        ("diff", str(lab), address, "--same-frame"),
+        ("changes", address),
+        ("history", address),
+        ("connect", address, "1,1", str(lab), "1,1", "--kind", "lift"),
+        ("expire", address, "77", "--until", "2h"),
+    ):
+        _, out, err = run(capfd, *words)
+        assert "secret" not in out + err, words
+    drawn = tmp_path / "drawn.svg"
+    assert run(capfd, "diff", address, str(lab), "--same-frame", "--picture", str(drawn))[0] == 0
+    assert f">{site} to lab<" in drawn.read_text()
+    assert run(capfd, "render", address, "-o", str(drawn))[0] == 0
+    assert f">{site}<" in drawn.read_text()
+
+
 def test_all_pictures_of_a_site_are_read_at_once(
     database: Database, store: str, site: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,7 +16,7 @@ from hypermap.cli.change_rows import (
     named,
     place_of,
 )
-from hypermap.cli.options import AsJson, MapPath, OnlyNames, check_picture
+from hypermap.cli.options import AsJson, MapPath, OnlyNames, check_picture, title_of
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.text import counted, printable
 
@@ -101,7 +101,7 @@ def command(
 
         drawn = tuple(change for _, change in shown_changes)
         shown = Changes(drawn, _unchanged(hypermap, found, names))
-        render_changes(hypermap, shown, picture, title=path.stem, is_over_time=True)
+        render_changes(hypermap, shown, picture, title=title_of(path), is_over_time=True)
         note(f"saved {picture}")
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import MapPath, check_edited
+from hypermap.cli.options import MapPath, check_edited, name_of
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
 
@@ -79,7 +79,7 @@ def command(
     here, far = parse_point(at, "MAP"), parse_point(there, "OTHER")
     for file in (path, other):
         if file.suffix.lower() != ".hmap":
-            raise HypermapError(f"{file}: only .hmap files can contain lifts and stairs")
+            raise HypermapError(f"{name_of(file)}: only .hmap files can contain lifts and stairs")
     if path.absolute() == other.absolute():
         raise HypermapError(f"{path}: a lift or stairs must lead to another map")
     for file in (path, other):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from hypermap.cli.mask_options import Keepout, MaskResolution, Speed, save_mask
-from hypermap.cli.options import Force, OnlyLayers, check_output, name_of
+from hypermap.cli.options import Force, OnlyLayers, check_output, title_of
 from hypermap.cli.robot_options import InflationRadius, RobotRadius
 from hypermap.cli.route_options import AsRouteGraph, save_route_graph
 from hypermap.cli.saving import save_from
@@ -282,7 +282,7 @@ def _save_log(hypermap: Hypermap, source: Path, target: Path, force: bool) -> No
     from hypermap.viewer.logs.log import open_log
 
     check_output(target, force)
-    with contextlib.closing(open_log(str(target), Path(name_of(source)).stem)) as log:
+    with contextlib.closing(open_log(str(target), title_of(source))) as log:
         log.add_map(hypermap)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.change_rows import counts_of, described, distance_of, named, place_of
-from hypermap.cli.options import AsJson, MapPath, OnlyNames, check_picture
+from hypermap.cli.options import AsJson, MapPath, OnlyNames, check_picture, name_of, title_of
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.cli.two_maps import ComparisonPicture, SameFrame, pose_on
 from hypermap.text import counted
@@ -68,8 +68,8 @@ def command(
         check_picture(picture)
     first, second = open_map(path), open_map(other)
     pose = pose_on(first, second, None, same_frame, other)
-    before = objects_in_frame(first, str(path), first.base_frame, Pose2D())
-    after = objects_in_frame(second, str(other), first.base_frame, pose)
+    before = objects_in_frame(first, name_of(path), first.base_frame, Pose2D())
+    after = objects_in_frame(second, name_of(other), first.base_frame, pose)
     known = first.metadata.get(MAP_ID)
     is_one = known is not None and second.metadata.get(MAP_ID) == known
     changes = changes_between(
@@ -81,7 +81,8 @@ def command(
         names=names,
     )
     if picture is not None:
-        render_changes(first, changes, picture, title=f"{path.stem} to {other.stem}")
+        title = f"{title_of(path)} to {title_of(other)}"
+        render_changes(first, changes, picture, title=title)
     if as_json:
         rows = [described(change) for change in changes.changes]
         say_json({"frame_id": first.base_frame, "changes": rows, "unchanged": changes.unchanged})

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import AsJson, check_output, check_picture, name_of
+from hypermap.cli.options import AsJson, check_output, check_picture, name_of, title_of
 from hypermap.cli.terminal import note, say_json
 from hypermap.cli.two_maps import ComparisonPicture
 from hypermap.core.errors import HypermapError
@@ -90,7 +90,7 @@ def command(
         write_file(csv, csv_text(data).encode())
         note(f"saved {csv}")
     if picture is not None:
-        title = " against ".join(Path(name_of(path)).stem for path in (estimate, ground_truth))
+        title = " against ".join(map(title_of, (estimate, ground_truth)))
         render_comparison(true_map, truth, run.objects, run.evaluation, picture, title=title)
         note(f"saved {picture}")
 

@@ -10,7 +10,7 @@ import typer
 
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.onto import is_same_file, named
-from hypermap.cli.options import AsJson, ForceMap, MapOutput, MapPath, check_map_output
+from hypermap.cli.options import AsJson, ForceMap, MapOutput, MapPath, check_map_output, name_of
 from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.two_maps import InitialPose, SameFrame, pose_on
@@ -94,12 +94,12 @@ def _merged(first: Hypermap, second: Hypermap, pose: Pose2D, path: Path, other: 
     try:
         return merge_maps(first, second, pose)
     except (CannotGoOn, CannotMerge, FrameError) as error:
-        raise type(error)(f"{path} and {other}: {error}") from None
+        raise type(error)(f"{name_of(path)} and {name_of(other)}: {error}") from None
 
 
 def _described(merged: Merged, pose: Pose2D, other: Path) -> dict[str, Any]:
     return {
-        "map": str(other),
+        "map": name_of(other),
         "x": pose.x,
         "y": pose.y,
         "yaw": pose.yaw,
@@ -116,18 +116,18 @@ def _described(merged: Merged, pose: Pose2D, other: Path) -> dict[str, Any]:
 
 def _show(merged: Merged, pose: Pose2D, other: Path) -> None:
     where = f"x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} degrees"
-    say(f"{other}: {where}")
-    left_out = f"; {merged.left_out} of {other} left out" if merged.left_out else ""
+    say(f"{name_of(other)}: {where}")
+    left_out = f"; {merged.left_out} of {name_of(other)} left out" if merged.left_out else ""
     say(
         f"  {counted(merged.both, 'object')} in both, {merged.first} only before, "
         f"{merged.second} new, {merged.gone} gone{left_out}"
     )
     if merged.settings:
         note(
-            f"{other} was made with other defaults, by another version; the result has those of "
-            f"the first map ({'; '.join(merged.settings)})"
+            f"{name_of(other)} was made with other defaults, by another version; the result has "
+            f"those of the first map ({'; '.join(merged.settings)})"
         )
     for number in merged.conflicts:
         note(f"object {number} was edited by hand in both maps: the edits of the first one stay")
     for old, new in merged.renamed.items():
-        note(f"the layer {old!r} of {other} is called {new!r} in the result")
+        note(f"the layer {old!r} of {name_of(other)} is called {new!r} in the result")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hypermap.cli.options import name_of
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
@@ -91,4 +92,5 @@ def named(onto: Path | None) -> Iterator[None]:
     try:
         yield
     except CannotGoOn as error:
-        raise HypermapError(f"{onto}: {error}") from error
+        name = "the map" if onto is None else name_of(onto)
+        raise HypermapError(f"{name}: {error}") from error

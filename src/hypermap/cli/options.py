@@ -132,6 +132,16 @@ def name_of(path: Path) -> str:
     return parse_address(path).shown if is_address(path) else str(path)
 
 
+def title_of(path: Path) -> str:
+    """Return what a map is called in the title of a picture: a site or a file by its name."""
+    from hypermap.fleet.store.address import is_address, parse_address
+
+    if not is_address(path):
+        return path.stem
+    address = parse_address(path)
+    return address.site or address.shown
+
+
 def only_one(layers: list[str] | None) -> str | None:
     """Return the layer that `--layer` names; None without it.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, OnlyLayers, OnlyNames, check_picture
+from hypermap.cli.options import MapPath, OnlyLayers, OnlyNames, check_picture, title_of
 from hypermap.cli.robot_options import RobotRadius
 from hypermap.cli.terminal import note
 from hypermap.console.options import AN_AREA
@@ -106,7 +106,7 @@ def command(
         contours=contours,
         full=full,
         labels=labels,
-        title=path.stem if title is None else title,
+        title=title_of(path) if title is None else title,
         size=size,
     )
     note(f"saved {output}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hypermap.cli.options import name_of
 from hypermap.cli.terminal import BAD_INPUT, complain, describe, say
 from hypermap.core.errors import HypermapError
 
@@ -42,7 +43,9 @@ def command(
     if path is None:
         console = Console(describe_evidence=_describe_evidence)
     else:
-        console = Console(open_map(path), source=str(path), describe_evidence=_describe_evidence)
+        console = Console(
+            open_map(path), source=name_of(path), describe_evidence=_describe_evidence
+        )
     is_typed = sys.stdin.isatty()
     all_went_well = True
     with contextlib.suppress(Leave):

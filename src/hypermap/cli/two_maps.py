@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hypermap.cli.options import name_of
+
 if TYPE_CHECKING:
     from hypermap.core.frames import Pose2D
     from hypermap.core.hypermap import Hypermap
@@ -66,10 +68,10 @@ def pose_on(
         return second.frames.lookup(first.base_frame, second.base_frame)
     if not all(any(isinstance(one, OccupancyLayer) for one in m) for m in (first, second)):
         raise NotAligned(
-            f"{name}: maps are aligned by walls, and one of the two has no occupancy layer; if "
-            "both are in one frame, give --same-frame"
+            f"{name_of(name)}: maps are aligned by walls, and one of the two has no occupancy "
+            "layer; if both are in one frame, give --same-frame"
         )
     try:
         return align(first, second, initial=about).a_T_b
     except NotAligned as error:
-        raise NotAligned(f"{name}: {error}; --same-frame skips this") from None
+        raise NotAligned(f"{name_of(name)}: {error}; --same-frame skips this") from None
