@@ -218,6 +218,22 @@ def test_changes_tell_what_is_gone_was_moved_and_renamed(edited: Path) -> None:
         call("changes", since="v9")
 
 
+def test_changes_of_a_map_that_does_not_know_when_its_objects_were_seen(tmp_path: Path) -> None:
+    cup = SemanticObject("cup", shapely.box(0, 0, 1, 1))
+    hypermap = Hypermap([SemanticLayer("semantic", "map", [cup])])
+    save_map(hypermap, tmp_path / "drawn.hmap")
+    call = calling(tools_for(tmp_path / "drawn.hmap"))
+    undated = "the map does not know the dates at which objects were seen"
+    with pytest.raises(HypermapError, match=undated):
+        call("changes", since="7d")
+    begin_history(hypermap)
+    hypermap.semantic().rename(0, "mug")
+    save_map(hypermap, tmp_path / "drawn.hmap")
+    answer = call("changes", since="7d")
+    assert answer["counts"] == {"renamed": 1}
+    assert answer["notes"][-1] == undated
+
+
 def test_changes_are_those_that_the_command_prints(edited: Path) -> None:
     printed = CliRunner().invoke(app, ["changes", str(edited), "--since", "v1", "--json"]).stdout
     told = calling(tools_for(edited))("changes", since="v1")["changes"]

@@ -283,18 +283,15 @@ class Looking:
         else:
             shown = self._changes(hypermap, moment, limit)
             unknown = unknown_since(hypermap, moment)
+        notes = [unknown] if unknown else []
         if begin is not None:
-            if unknown:
-                _, added = self._answer(Query(when=(When("new", begin),)))
-                last_first = sorted(added.objects, key=lambda item: -(item.object.first_seen or 0))
-                shown |= {"added_count": added.count}
-                shown |= {"added": object_rows(hypermap, last_first[:limit])}
-            _, unseen = self._answer(Query(when=(When("not seen", begin),)))
-            longest_first = sorted(unseen.objects, key=lambda item: item.object.last_seen or 0.0)
-            shown |= {"not_seen_count": unseen.count}
-            shown |= {"not_seen": object_rows(hypermap, longest_first[:limit])}
-        notes = {"notes": [unknown]} if unknown else {}
-        return answer_of(hypermap, since=moment, **shown, **notes)
+            try:
+                shown |= self._seen_since(begin, limit, with_added=bool(unknown))
+            except HypermapError as error:  # without dates, the history tells all that is known
+                if hypermap.history is None:
+                    raise
+                notes.append(str(error))
+        return answer_of(hypermap, since=moment, **shown, **({"notes": notes} if notes else {}))
 
     def render_view(
         self,
@@ -408,6 +405,24 @@ class Looking:
         hypermap = self._current()
         radius = self._robot_radius
         return hypermap, ask(hypermap, query, taxonomy=self._taxonomy, robot_radius=radius)
+
+    def _seen_since(self, begin: datetime, limit: int, with_added: bool) -> dict[str, Any]:
+        """Return what the times tell at which the objects of the map were seen.
+
+        Raises:
+            HypermapError: If these are no dates.
+        """
+        shown: dict[str, Any] = {}
+        if with_added:
+            hypermap, added = self._answer(Query(when=(When("new", begin),)))
+            last_first = sorted(added.objects, key=lambda item: -(item.object.first_seen or 0.0))
+            shown["added_count"] = added.count
+            shown["added"] = object_rows(hypermap, last_first[:limit])
+        hypermap, unseen = self._answer(Query(when=(When("not seen", begin),)))
+        longest_first = sorted(unseen.objects, key=lambda item: item.object.last_seen or 0.0)
+        shown["not_seen_count"] = unseen.count
+        shown["not_seen"] = object_rows(hypermap, longest_first[:limit])
+        return shown
 
     def _rooms(self) -> tuple[Hypermap, Rooms]:
         hypermap = self._current()
