@@ -228,6 +228,18 @@ def test_a_site_is_shown_compared_and_converted_like_a_file(
     assert "leave out --frame" in run(capfd, "convert", address, "x.hmap", "--frame", "map")[2]
 
 
+def test_values_of_a_site_are_estimated_again(
+    store: str, site: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    table, warm, again = (tmp_path / name for name in ("warm.csv", "warm.hmap", "again.hmap"))
+    table.write_text("x,y,value\n" + "".join(f"{n},{n % 3},{20 + n % 5}\n" for n in range(20)))
+    assert run(capfd, "values", str(table), "--method", "nearest", "-o", str(warm))[0] == 0
+    run(capfd, "push", str(warm), store, "--site", site)
+    address = f"{store}&site={site}"
+    assert run(capfd, "values", address, "--method", "nearest", "-o", str(again))[0] == 0
+    assert_same_map(open_map(again), open_map(warm))
+
+
 def test_no_command_shows_the_password_of_a_store(
     store: str, site: str, lab: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -239,6 +251,7 @@ def test_no_command_shows_the_password_of_a_store(
         ("align", str(lab), address),
         ("diff", str(lab), address, "--same-frame"),
         ("changes", address),
+        ("values", address, "-o", "values.hmap"),
         ("history", address),
         ("connect", address, "1,1", str(lab), "1,1", "--kind", "lift"),
         ("expire", address, "77", "--until", "2h"),

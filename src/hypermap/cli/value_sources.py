@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hypermap.cli.options import name_of
 from hypermap.cli.progress import counting
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
@@ -113,7 +114,7 @@ def read_layer(
     try:
         layer = value_layer_called(hypermap, quantity)
     except HypermapError as error:
-        raise HypermapError(f"{file}: {error}") from None
+        raise HypermapError(f"{name_of(file)}: {error}") from None
     measured = _kept(hypermap, layer, frame, censored_below)
     if poses is not None:
         measured = replace(measured, samples=_along(measured.samples, poses, frame))

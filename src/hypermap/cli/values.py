@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.options import AsJson, Force, OptionalMapOutput, check_new_map
+from hypermap.cli.options import AsJson, Force, OptionalMapOutput, check_new_map, name_of
 from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.value_sources import check_sources, joined, read, read_layer
@@ -241,19 +241,22 @@ def command(
         hypermap values warm.hmap --poses corrected.txt -o moved.hmap
     """
     from hypermap.core.hypermap import Hypermap
+    from hypermap.fleet.store.address import is_address
     from hypermap.formats import open_map
     from hypermap.values.on_map import with_value_layer
 
     if source is not None and table is None and source.suffix.lower() == ".csv":
         source, table = None, source
-    is_again = source is not None and table is None and source.suffix.lower() == ".hmap"
+    is_site = source is not None and is_address(source)
+    is_file = source is not None and source.suffix.lower() == ".hmap"
+    is_again = table is None and (is_site or is_file)
     check_sources(source, table, topic, is_again)
     if poses is not None and not is_again:
         raise HypermapError("--poses corrects the samples of a map: give one (.hmap) as SOURCE")
-    if add and is_again:
-        raise HypermapError(f"--add: {source} has no new samples; give a table or a bag")
+    if add and is_again and source is not None:
+        raise HypermapError(f"--add: {name_of(source)} has no new samples; give a table or a bag")
     output = _checked(method, output, force)
-    if source is not None and not source.exists():
+    if source is not None and not is_site and not source.exists():
         raise FileMissing(f"{source}: there is no such file or folder")
     settings = _settings(method, length, deviation, sensor_noise)
     onto = source if onto is None and is_again else onto
