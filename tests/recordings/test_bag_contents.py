@@ -76,7 +76,7 @@ def test_recorded_detections_go_with_the_image_they_were_made_from(
     assert found[2].scores.tolist() == [0.75]
     assert found[2].xyxy.tolist() == [[3, 4, 9, 8]]
     notes = recording.info().notes
-    assert "1 of 4 frames have recorded detections" in notes
+    assert "recorded detections in 1 of 4 frames" in notes
     by_number = "the recorded detections name classes by number, and so will the map"
     assert (by_number in notes) == is_number
 

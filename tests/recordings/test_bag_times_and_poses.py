@@ -81,8 +81,8 @@ def test_every_nth_frame_and_frames_outside_the_poses_are_counted(tmp_path: Path
     recording = open_recording(bag.path, RecordingOptions(every=2))
     assert len(recording) == len(list(recording.frames())) == 2
     assert recording.info().notes == (
-        "1 of 4 frames are outside the poses, or in a gap between poses longer than "
-        "1 s (--max-pose-gap), and are left out",
+        "left out 1 of 4 frames, outside the poses or in a gap between poses longer than 1 s "
+        "(--max-pose-gap)",
     )
 
 

@@ -66,10 +66,9 @@ def test_frames_need_color_and_a_pose_and_what_is_left_out_is_counted() -> None:
     assert color[plan.color].tolist() == [1.01, 3.01]
     assert plan.map_T_camera[:, 0, 3] == pytest.approx([0.5 / 3, 2.5 / 3])
     assert plan.notes == (
-        "1 of 5 depth images have no color image within 0.02 s (--max-time-difference) and are "
-        "left out",
-        "2 of 4 frames are outside the poses, or in a gap between poses longer than 1 s "
-        "(--max-pose-gap), and are left out",
+        "left out 1 of 5 depth images, without a color image within 0.02 s (--max-time-difference)",
+        "left out 2 of 4 frames, outside the poses or in a gap between poses longer than 1 s "
+        "(--max-pose-gap)",
     )
 
 

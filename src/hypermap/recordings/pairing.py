@@ -11,6 +11,7 @@ from hypermap.core.arrays import IntArray
 from hypermap.core.errors import FormatError
 from hypermap.core.moving_frames import Motion
 from hypermap.recordings.options import RecordingOptions
+from hypermap.text import counted
 
 _ROUNDING = 1e-6  # s; rounding error of a difference between stamps in seconds since 1970
 
@@ -64,9 +65,9 @@ def plan_frames(
         depth, color = _with_color(depth_stamps, color_stamps, options.max_time_difference)
         if len(depth) < len(depth_stamps):
             notes.append(
-                f"{len(depth_stamps) - len(depth)} of {len(depth_stamps)} depth images have no "
-                f"color image within {options.max_time_difference:g} s (--max-time-difference) "
-                "and are left out"
+                f"left out {len(depth_stamps) - len(depth)} of "
+                f"{counted(len(depth_stamps), 'depth image')}, without a color image within "
+                f"{options.max_time_difference:g} s (--max-time-difference)"
             )
     stamps = depth_stamps[depth] + options.time_offset
     known = world_T_camera.covers(stamps)
@@ -78,9 +79,9 @@ def plan_frames(
         )
     if not known.all():
         notes.append(
-            f"{np.count_nonzero(~known)} of {len(known)} frames are outside the poses, or in a "
-            f"gap between poses longer than {options.max_pose_gap:g} s (--max-pose-gap), and are "
-            "left out"
+            f"left out {np.count_nonzero(~known)} of {counted(len(known), 'frame')}, outside the "
+            f"poses or in a gap between poses longer than {options.max_pose_gap:g} s "
+            "(--max-pose-gap)"
         )
     depth, color = depth[known][:: options.every], color[known][:: options.every]
     recorded = world_T_camera.at(depth_stamps[depth] + options.time_offset)

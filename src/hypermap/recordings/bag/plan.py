@@ -78,7 +78,7 @@ class BagPlan:
 
     def _notes_on_detections(self) -> list[str]:
         matched = sum(found is not None for found in self.detections)
-        notes = [f"{matched} of {len(self.frames)} frames have recorded detections"]
+        notes = [f"recorded detections in {matched} of {counted(len(self.frames), 'frame')}"]
         stamps = self._contents.detections.keys()
         if matched and self.color_topic and not stamps & self._contents.color.stamps.keys():
             notes.append(
