@@ -497,6 +497,17 @@ def test_a_view_of_one_of_two_chairs_is_not_for_the_one_that_reached_over_both()
     assert [count for _, count, _ in evidence.summary()] == [5, 8]
 
 
+def test_what_a_frame_misclassifies_is_not_counted_beside_others() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    for _ in range(4):
+        for x in (0, 3):
+            evidence.update(seen(square(x), name="table", area=NOWHERE))
+    table, slip = seen(square(3), name="table", area=NOWHERE), seen(square(0), name="chair")
+    evidence.update(dataclasses.replace(table, objects=(*table.objects, *slip.objects)))
+    assert [track.name for track in evidence._tracks.table.objects] == ["table", "table"]
+    assert not any(track.co_occurrences for track in evidence._tracks.table.objects)
+
+
 def test_what_is_forgotten_leaves_nothing_behind() -> None:
     # Beside a chair that stays, a wrong one is found in each frame, every time somewhere else.
     evidence = EvidenceMap(dataclasses.replace(published_all(DEFAULT), loss=10.0))

@@ -44,9 +44,9 @@ class FrameUpdate:
             self._add(item.name, evidence) if actual is None else actual
             for (item, evidence), actual in zip(found, misclassified, strict=True)
         ]
-        self.observed.update(numbers)
         if self._config.exclusive:
             self._count_co_occurrences()
+        self.observed.update(numbers)  # also those that were misclassified, or deleted by hand
         return numbers
 
     def _misclassified(self, name: str, evidence: Evidence) -> int | None:
@@ -171,7 +171,7 @@ class FrameUpdate:
         return MergeRules(published, self.observed)
 
     def _count_co_occurrences(self) -> None:
-        """Count the co-occurrences of tracks of one class in this frame."""
+        """Count the co-occurrences of tracks of one class that got evidence in this frame."""
         tracks, rows_of = self._tracks, self._tracks.table.rows_of
         shown = [tracks.touch(row) for row in rows_of(self.observed)]
         for track in shown:
