@@ -31,8 +31,9 @@ def seen(
     stamp: float = 0.0,
     score: float = 1.0,
     top: float = 0.9,
+    bottom: float = 0.1,
 ) -> Observation:
-    objects = tuple(ObservedObject(name, score, shape, 0.1, top) for shape in shapes)
+    objects = tuple(ObservedObject(name, score, shape, bottom, top) for shape in shapes)
     return Observation(stamp, np.eye(4), objects, area)
 
 

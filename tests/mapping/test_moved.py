@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 import shapely
 
@@ -322,6 +323,32 @@ def test_a_large_object_is_gone_where_another_one_is_shown_in_its_place() -> Non
     away = shapely.box(1.9, 0.5, 2.4, 1.0)
     left = after_looks_of_another_drive(CHAIR, away, name="bin")
     assert [item.name for item in left] == ["chair", "bin"]
+
+
+@pytest.mark.parametrize(("often", "is_there"), [(12, False), (6, True)])
+def test_many_views_of_an_empty_part_tell_that_an_object_that_was_seen_often_has_left(
+    often: int, is_there: bool
+) -> None:
+    evidence, wall, someone = EvidenceMap(DEFAULT), level(4.0), level(1.0)
+    is_left = np.arange(wall.reach.shape[1]) < 0.47 * wall.reach.shape[1]
+    left = dataclasses.replace(wall, reach=np.where(is_left, wall.reach, someone.reach))
+    for second in range(often):
+        evidence.update(viewed(seen(CHAIR, stamp=second), level(2.0)))
+    for second in range(20):
+        evidence.update(viewed(seen(stamp=DAY + second), left))
+    assert bool(evidence.objects()) == is_there
+
+
+@pytest.mark.parametrize(("bottom", "is_same"), [(0.6, True), (0.1, False)])
+def test_what_a_drive_sees_of_an_object_over_a_table_may_be_all_of_it(
+    bottom: float, is_same: bool
+) -> None:
+    evidence, back = EvidenceMap(DEFAULT), shapely.box(-3.5, -2, -3.4, -1.2)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(60):
+        evidence.update(seen(back, stamp=DAY + second, bottom=bottom))
+    assert (only(evidence).id == 0) == is_same
 
 
 def test_what_is_gone_for_long_costs_little() -> None:

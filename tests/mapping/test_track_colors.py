@@ -39,9 +39,21 @@ FIXED = (((-6, 6), GREEN), ((0, 6), BLUE), ((6, 6), RED))
 Chairs = Sequence[tuple[tuple[float, float], Rgb]]
 
 
-def look(evidence: EvidenceMap, chairs: Chairs, stamp: float, gains: Sequence[float]) -> None:
-    """Add a frame that shows chairs at these places, of these colors in this light."""
-    objects = tuple(ObservedObject("chair", 1.0, square(*place), 0.1, 0.9) for place, _ in chairs)
+def look(
+    evidence: EvidenceMap,
+    chairs: Chairs,
+    stamp: float,
+    gains: Sequence[float],
+    first: str = "chair",
+) -> None:
+    """Add a frame that shows chairs at these places, of these colors in this light.
+
+    The first one may be of another class.
+    """
+    objects = tuple(
+        ObservedObject("chair" if i else first, 1.0, square(*place), 0.1, 0.9)
+        for i, (place, _) in enumerate(chairs)
+    )
     evidence.update(Observation(stamp, np.eye(4), objects, ROOM))
     lit = [np.clip(np.multiply(color, gains), 0, 255) for _, color in chairs]
     colors = [(int(r), int(g), int(b)) for r, g, b in lit]
@@ -103,6 +115,19 @@ def test_a_board_has_the_color_of_any_side_that_an_earlier_day_showed(
     centers = {item.id: item.footprint.centroid for item in evidence.objects()}
     (number,) = (n for n, center in centers.items() if abs(center.x - 3) < 0.1 > abs(center.y))
     assert (number == 0) == is_same
+
+
+@pytest.mark.parametrize(("name", "is_same"), [("board", True), ("chair", False)])
+def test_a_board_may_show_another_side_but_not_a_chair_beside_others_that_keep_their_colors(
+    name: str, is_same: bool
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        look(evidence, (((-3, 0), WHITE), *FIXED), second, (1, 1, 1), name)
+    for second in range(40):
+        look(evidence, (((-3, -2), BLACK), *FIXED), DAY + second, (1, 1, 1), name)
+    (there,) = (one for one in evidence.objects() if one.footprint.centroid.y < -1)
+    assert (there.id == 0) == is_same
 
 
 @pytest.mark.parametrize("shade", [0.7, 1.3])

@@ -19,6 +19,7 @@ from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation
 
 _VISIBLE = 0.5  # share of an object that must be visible for a missed detection
+_PART = 0.25  # share of it that must be visible to tell, if empty, that it has left since
 _FILLED = 0.5  # share of its visible samples whose rays end there, if something is there
 _AS_HIGH = 0.5  # share of its height in which another object must be to be there instead
 _ABSENT = 0.9  # share of its observable samples that rays must pass for it to be absent
@@ -97,22 +98,56 @@ def _penalize_by_rays(
     seen = visible_shares(view, samples, tracks.shapes.heights, config.tolerance, chosen)
     shares = zip(rows, *seen.lists(), strict=True)
     for row, visible, through, beyond in shares:
-        if visible < _VISIBLE:
-            continue
-        buffer, spared, is_gone = tracks.objects[row].buffer, 0.0, beyond >= _ABSENT * visible
+        buffer, spared = tracks.objects[row].buffer, 0.0
         if stamp - buffer.last_seen > STALE and again[row] == -math.inf:
-            loss = config.stale_loss if is_gone else config.loss
-            if not is_gone and buffer.count >= _WELL_SEEN:
-                is_large = samples.widths[row] > 2 * config.tolerance
-                is_filled = is_large and 1 - beyond / visible >= _FILLED
-                if not is_filled or _touches_another(tracks, row, shown):
-                    loss = config.stale_miss
+            is_large = bool(samples.widths[row] > 2 * config.tolerance)
+            loss = _loss_since_another_drive(
+                tracks, row, (visible, beyond), is_large, shown, config
+            )
+        elif visible < _VISIBLE:
+            continue
         elif through >= _ABSENT * visible:
             loss = config.gone_loss
         else:
             loss = _loss_of_miss(tracks, row, shown, config)
             spared = config.loss - loss
         tracks.change_existence(row, -loss, spared)
+
+
+def _loss_since_another_drive(
+    tracks: TrackTable,
+    row: int,
+    shares: tuple[float, float],
+    is_large: bool,
+    shown: Rows,
+    config: EvidenceConfig,
+) -> float:
+    """Return the existence that it costs that a frame does not find a track of another drive.
+
+    The more rays pass an object that was seen often, the less likely it still is there; an empty
+    part tells it, too, where a frame cannot see the rest.
+
+    Args:
+        tracks: all tracks.
+        row: of the track.
+        shares: of its samples, that are visible, and whose rays end behind it, 0..1.
+        is_large: whether the error of surfaces is small for it; else rays may end right behind it.
+        shown: rows of the tracks that the frame shows.
+        config: the costs.
+    """
+    visible, beyond = shares
+    is_gone = beyond >= _ABSENT * visible
+    is_well_known = tracks.objects[row].buffer.count >= _WELL_SEEN
+    if visible < _VISIBLE:
+        tells = is_gone and is_well_known and visible >= _PART
+        return visible * config.stale_loss if tells else 0.0
+    if is_gone:
+        return config.stale_loss
+    passed = beyond / visible if is_large else 0.0
+    is_filled = is_large and 1 - passed >= _FILLED
+    if not is_well_known or (is_filled and not _touches_another(tracks, row, shown)):
+        return config.loss
+    return config.stale_miss + passed * (config.stale_loss - config.stale_miss)
 
 
 def _found_again(tracks: TrackTable, row: int) -> float:

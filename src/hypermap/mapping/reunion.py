@@ -22,7 +22,7 @@ from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence
 from hypermap.mapping.moved import GONE, views_of_tracks, was_without
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.track_colors import differ_in_color
+from hypermap.mapping.track_colors import SAME_COLOR, color_distances
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import TrackTable
 
@@ -59,6 +59,10 @@ _STILL_THERE = 0.8  # its old place may still be taken
 _LONG_GONE = 1.0  # it was gone when the last drive ended
 _UNKNOWN = 1.0  # its new place was not seen before
 _LEAST_LIKE = 0.1  # likeness of two shapes of one object
+_HIDDEN = 0.4  # how alike two shapes are, of which one is what can be seen over a table, at least
+_HIDDEN_BELOW = 0.15  # [m] by which such a one begins higher
+_REPAINTED = 0.07  # share of the objects that have another color in another drive, to begin with
+_BEFORE_ANY = 0.3  # objects that this counts as much as
 
 _HEIGHT_ERROR = 0.05  # share of a height by which maps measure it wrongly
 _ON_FLOOR = 0.3  # [m]; the lower side of objects above is not measured
@@ -221,7 +225,6 @@ class Reunion:
 
         Only where that may be less than that the one has left, and the other one came.
         """
-        shapes = self._tracks.shapes
         costs = _MOVED + _FAR * np.log(np.maximum(one.ways, _NEAREST) / _NEAREST)
         costs += _RAISED * one.higher
         for i, row in enumerate(one.known):
@@ -231,15 +234,38 @@ class Reunion:
                 costs[i] += _LONG_GONE
         possible = self._may_have_moved(one) & (costs < leaving[:, None] + _CAME)
         if possible.any():
-            possible &= ~differ_in_color(self._tracks, one.known, one.fresh, self._surely_same)
+            costs += self._costs_of_color(one)
         for i, j in np.argwhere(possible).tolist():
             row, other = one.known[i], one.fresh[j]
-            alike = likeness_of(shapes.polygons[row], shapes.polygons[other])
+            alike = self._likeness(row, other)
             is_shown_beside = bool(self._tracks.objects[row].co_occurrences[self._id(other)])
             possible[i, j] = alike >= _LEAST_LIKE and not is_shown_beside
             costs[i, j] += _TURNED * (1 - alike)
             costs[i, j] += 0.0 if self._was_without(other) else _UNKNOWN
         return np.where(possible, costs, _NEVER)
+
+    def _costs_of_color(self, one: _Class) -> NDArray[np.float64]:
+        """Return what it costs that known objects have the colors of the others, shape (N, M).
+
+        Another color costs the more, the more objects of the class have kept theirs: chairs do, but
+        a board or a person may show another side. The rate is the mean of a beta distribution.
+        """
+        same = self._surely_same
+        away = color_distances(self._tracks, one.known, one.fresh, same)
+        pairs = [(i, one.fresh.index(same[row])) for i, row in enumerate(one.known) if row in same]
+        kept = np.array([away[pair] for pair in pairs])
+        kept = kept[~np.isnan(kept)]
+        changed = np.count_nonzero(kept > SAME_COLOR)
+        rate = (changed + _BEFORE_ANY * _REPAINTED) / (len(kept) + _BEFORE_ANY)
+        return np.where(away > SAME_COLOR, -math.log(rate), 0.0)
+
+    def _likeness(self, row: int, other: int) -> float:
+        """Return how alike the shapes of a known object and another one may be; see `likeness`."""
+        shapes = self._tracks.shapes
+        one, two = shapes.polygons[row], shapes.polygons[other]
+        smaller, larger = (row, other) if one.area < two.area else (other, row)
+        is_hidden = shapes.heights[smaller, 0] > shapes.heights[larger, 0] + _HIDDEN_BELOW
+        return max(likeness_of(one, two), _HIDDEN if is_hidden else 0.0)
 
     def _may_have_moved(self, one: _Class) -> BoolArray:
         """Return which known objects may be which others, as far as times and places tell."""

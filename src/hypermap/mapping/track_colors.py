@@ -19,7 +19,9 @@ from hypermap.core.arrays import BoolArray
 from hypermap.mapping.evidence_buffer import STALE, EvidenceBuffer, SeenColor
 from hypermap.mapping.tracks import Track, TrackTable
 
-_MOST = 12.0  # distance in CIELAB between two views of one object
+SAME_COLOR = 12.0
+"""Distance in CIELAB up to which two views may be of one object."""
+
 _SHADE = 3.0  # times as bright as in another view, with another side in the light
 _COMMON = 3  # objects in two drives from which the light of one is known from the other's
 _DARK = 0.002  # added to linear channels, whose ratios say little where they are nearly 0
@@ -31,16 +33,26 @@ _XYZ = np.array(
 _WHITE = _XYZ.sum(axis=1)
 
 
-def differ_in_color(
+def differ_in_color(tracks: TrackTable, before: Sequence[int], now: Sequence[int]) -> BoolArray:
+    """Return which pairs of tracks have such different colors that they are two objects.
+
+    Returns:
+        Of the rows `before` and `now`, as in `color_distances`, shape (N, M); False where a color
+        is unknown.
+    """
+    return color_distances(tracks, before, now) > SAME_COLOR
+
+
+def color_distances(
     tracks: TrackTable,
     before: Sequence[int],
     now: Sequence[int],
     same: Mapping[int, int] | None = None,
-) -> BoolArray:
-    """Return which pairs of tracks have such different colors that they are two objects.
+) -> NDArray[np.float64]:
+    """Return how far apart the colors of tracks are, in CIELAB.
 
     What all objects of two drives have in common is the light, or the camera, and does not count.
-    An object has shown the sides that it has: it is one that has the color of any earlier drive.
+    An object has shown the sides that it has: the nearest color of any earlier drive counts.
 
     Args:
         tracks: all tracks.
@@ -50,18 +62,17 @@ def differ_in_color(
             rows of these.
 
     Returns:
-        Shape (N, M); False where a color is unknown, or the light of the newest one.
+        Shape (N, M); NaN where a color is unknown, or the light of the newest one.
     """
     after = [_newest(_paints(tracks.objects[row].buffer)) for row in now]
     seen = np.array([_UNKNOWN if one is None else one.color for one in after]).reshape(-1, 3)
     gains = _Gains(tracks, same or {})
-    differ: BoolArray = np.zeros((len(before), len(now)), dtype=bool)
+    distances = np.full((len(before), len(now)), np.nan)
     for i, row in enumerate(before):
         known = [paint.color * gains.since(paint) for paint in _while_there(tracks.objects[row])]
         if known and not np.isnan(known[-1]).any():
-            steps = _distances(np.array(known), seen)
-            differ[i] = np.fmin.reduce(steps, axis=0) > _MOST
-    return differ
+            distances[i] = np.fmin.reduce(_distances(np.array(known), seen), axis=0)
+    return distances
 
 
 def _distances(expected: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
