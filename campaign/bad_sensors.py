@@ -312,17 +312,23 @@ SENSORS = (
     BadSensor("the future, midway", _lines("depth.txt", _shifted(1e10, 6)), "6 of 12 depth images"),
     BadSensor("backward", _lines("depth.txt", lambda rows: rows[::-1])),
     BadSensor(
-        "a jump back", _lines("depth.txt", _shifted(-3.0, 8)), "4 of 12 depth images have no"
+        "a jump back",
+        _lines("depth.txt", _shifted(-3.0, 8)),
+        "left out 4 of 12 depth images, without",
     ),
     BadSensor("all stamps equal", _lines("depth.txt", _same(lambda r: ["1.0", r[1]])), "11 of 12"),
     BadSensor(
         "two stamps equal",
         _lines("depth.txt", lambda rows: [*rows, [rows[5][0], rows[6][1]]]),
-        "1 of 13 depth images have no color image",
+        "left out 1 of 13 depth images, without",
     ),
     # Poses.
-    BadSensor("late", _lines("groundtruth.txt", _shifted(0.4)), "1 of 12 frames are outside"),
-    BadSensor("ending early", _lines("groundtruth.txt", lambda r: r[:6]), "6 of 12 frames are"),
+    BadSensor("late", _lines("groundtruth.txt", _shifted(0.4)), "left out 1 of 12 frames, outside"),
+    BadSensor(
+        "ending early",
+        _lines("groundtruth.txt", lambda r: r[:6]),
+        "left out 6 of 12 frames, outside",
+    ),
     BadSensor("with a gap", _lines("groundtruth.txt", lambda r: r[:3] + r[8:]), "5 of 12 frames"),
     BadSensor("none", _text("groundtruth.txt", lambda _: "# none\n"), "there are no poses", None),
     BadSensor("NaN", _word("groundtruth.txt", 5, 1, "nan"), "line 8: there is a number", None),
