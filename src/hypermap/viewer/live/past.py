@@ -8,7 +8,6 @@ from collections import Counter, OrderedDict
 from typing import Any
 
 from hypermap.core.arrays import as_objects
-from hypermap.core.errors import FrameError
 from hypermap.core.frames import Pose2D
 from hypermap.core.history import Change, Revision
 from hypermap.core.hypermap import Hypermap
@@ -17,6 +16,7 @@ from hypermap.core.objects import SemanticObject
 from hypermap.core.shapes import valid_copies
 from hypermap.core.value_layer import ValueLayer
 from hypermap.history import at_version, grown
+from hypermap.history.placed import pose_of_layer
 from hypermap.values.past import why_undated
 from hypermap.viewer.changes import COLORS
 from hypermap.viewer.live.description import hex_color
@@ -124,11 +124,8 @@ def _known(hypermap: Hypermap) -> list[Revision]:
 
 def _shown(hypermap: Hypermap, change: Change) -> dict[str, Any] | None:
     """Return a change as the page shows it; None if its layer is not there, or has no place."""
-    if change.layer not in hypermap:
-        return None
-    try:
-        pose = hypermap.frames.lookup(hypermap.base_frame, hypermap[change.layer].frame_id)
-    except FrameError:
+    pose = pose_of_layer(hypermap, change)
+    if pose is None:
         return None
     return {
         "kind": change.kind,
