@@ -179,6 +179,7 @@ def test_doubtful_changes_are_counted_and_shown_on_demand(hypermap: Run, office:
     assert "1 doubtful change left out; --all shows them" in shown.err
     assert "(20%)" in hypermap("changes", office, "--since", "v3", "--all").out
     assert len(hypermap("changes", office, "--since", "v3", "--json").json["changes"]) == 1
+    assert hypermap("history", office).out.splitlines()[4].split("day2")[1].strip() == "1 doubtful"
 
 
 def test_what_doubtfully_changed_is_neither_drawn_nor_counted_as_unchanged(

@@ -10,7 +10,7 @@ from hypermap.text import decimal, printable
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from hypermap.core.history import Change
+    from hypermap.core.history import Change, Revision
     from hypermap.core.semantic import SemanticObject
 
 
@@ -54,6 +54,13 @@ def counts_of(changes: Iterable[Change]) -> str:
     said = [f"{n} {kind}" for kind, n in Counter(one.kind for one in found).items()]
     by = mean_distance(one for one in found if one.kind == "corrected")
     return ", ".join(f"{one} by {by}" if one.endswith(" corrected") else one for one in said)
+
+
+def summary_of(revision: Revision) -> str:
+    """Return how much a version changed, as a sentence has it; empty for nothing."""
+    sure = revision.worth_showing()
+    doubtful = len(revision.changes) - len(sure)
+    return ", ".join(filter(None, [counts_of(sure), f"{doubtful} doubtful" if doubtful else ""]))
 
 
 def mean_distance(changes: Iterable[Change]) -> str:

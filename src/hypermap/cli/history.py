@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hypermap.cli.change_rows import summary_of
 from hypermap.cli.options import AsJson, Force, MapPath, check_edited, check_output
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.text import counted, printable
@@ -135,7 +136,7 @@ def _show(hypermap: Hypermap, rows: list[dict[str, Any]]) -> None:
     if rows:
         shown = table("version", "when", "by", "changes", right=("version",))
         for row, revision in zip(rows, hypermap.history.revisions(), strict=True):
-            counts = ", ".join(f"{count} {kind}" for kind, count in row["changes"].items())
+            counts = summary_of(revision)
             lost = "(versions before this one are lost) " if row["follows_loss"] else ""
             by = printable(row["drive"], 40) or row["cause"]
             made = "?" if revision.time is None else time_of(revision.time)

@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hypermap.cli.change_rows import counts_of
+from hypermap.cli.change_rows import summary_of
 from hypermap.cli.onto import is_same_file
 from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note
@@ -129,8 +129,5 @@ def _note_changes(hypermap: Hypermap, onto: Path) -> int | None:
     if revision is None or not revision.changes:
         note(f"nothing changed since {onto}")
         return None
-    sure = revision.worth_showing()
-    doubtful = len(revision.changes) - len(sure)
-    said = [counts_of(sure), f"{doubtful} doubtful" if doubtful else ""]
-    note(f"since {onto}: {', '.join(filter(None, said))}")
+    note(f"since {onto}: {summary_of(revision)}")
     return revision.version - 1
