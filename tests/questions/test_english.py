@@ -80,6 +80,7 @@ def test_the_examples_can_be_asked(question: str) -> None:
         ("which cups are where", "cannot read this question from 'where' on"),
         ("two cups", "2 of how many"),
         ("what have you not seen yesterday", "not seen yesterday: say since when"),
+        ("which cups were there on 2026-11-20", "from 'on 2026-11-20' on; .*as of Monday"),
         ("what is new since 2026-13-01", "cannot read 'since'"),
         ("what did you see yesterday at 3 pm", "cannot read 'pm'"),
         ("what is new", "cannot read this question"),

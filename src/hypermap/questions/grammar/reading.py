@@ -32,11 +32,20 @@ def query_of(tokens: list[Token], times: list[Span]) -> Query:
         query: Query = Sentences(times, tokens).transform(_parser().parse(tokens))
     except UnexpectedInput as error:
         last = getattr(error, "token", None)
-        where = f" from {str(last)!r} on" if last else ""
-        raise ValueError(f"cannot read this question{where}") from None
+        raise ValueError(f"cannot read this question{_from(last, times)}") from None
     except VisitError as error:
         raise ValueError(str(error.orig_exc)) from None
     return query
+
+
+def _from(token: Token | None, times: list[Span]) -> str:
+    """Return from which token on a sentence cannot be read, as it stands there."""
+    if not token:
+        return ""
+    if token.type != "TIME":
+        return f" from {str(token)!r} on"
+    hint = "say 'seen on Monday', or 'as of Monday' for the map as it was"
+    return f" from {times[int(token)].text!r} on; {hint}"
 
 
 class _Tokens(Lexer):
