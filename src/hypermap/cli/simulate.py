@@ -65,7 +65,12 @@ def command(
     errors: ErrorLevel = "robot",
     sensor: SensorName = "kinect_v1",
     seed: Annotated[
-        int, typer.Option(min=0, help="Random seed for all errors and the placement of furniture.")
+        int,
+        typer.Option(
+            min=0,
+            help="Random seed for all errors, the placement of furniture, and what changes from "
+            "day to day: give all days the same.",
+        ),
     ] = 0,
     rate: Annotated[float, typer.Option(min=0.01, max=100, help="Frames per second.")] = 3.0,
     image_size: Annotated[
