@@ -70,11 +70,12 @@ def test_changes_tells_what_changed_since_a_time_or_a_version(hypermap: Run, off
 def test_places_of_changes_are_in_the_base_frame(hypermap: Run, tmp_path: Path) -> None:
     frames = FrameTree()
     frames.add(Transform("map", "annex", Pose2D(10.0, 0.0, math.pi / 2)))
-    things = SemanticLayer("semantic", "annex", [SemanticObject("cup", shapely.box(2, 0, 3, 1))])
+    cup = SemanticObject("cup", shapely.box(2, 0, 3, 1), last_seen=1_795_500_000.0)
+    things = SemanticLayer("semantic", "annex", [cup])
     tables = SemanticLayer("tables", "map", [SemanticObject("table", shapely.box(0, 0, 1, 1))])
     office = Hypermap([tables, things], frames)
     begin_history(office)
-    things.update(0, SemanticObject("cup", shapely.box(4, 0, 5, 1)))
+    things.update(0, dataclasses.replace(cup, footprint=shapely.box(4, 0, 5, 1)))
     save_map(office, tmp_path / "office.hmap")
     told = hypermap("changes", tmp_path / "office.hmap", "--json").json
     (row,) = told["changes"]
@@ -82,6 +83,9 @@ def test_places_of_changes_are_in_the_base_frame(hypermap: Run, tmp_path: Path) 
     assert row["before"] == pytest.approx({"id": 0, "name": "cup", "x": 9.5, "y": 2.5})
     assert row["after"] == pytest.approx({"id": 0, "name": "cup", "x": 9.5, "y": 4.5})
     assert "9.50, 4.50" in hypermap("changes", tmp_path / "office.hmap").out
+    things.remove(0)
+    save_map(office, tmp_path / "office.hmap")
+    assert "at (9.50, 4.50)" in hypermap("query", tmp_path / "office.hmap", "--name", "cup").err
 
 
 def test_changes_says_that_the_history_does_not_reach_back_so_far(
@@ -103,6 +107,22 @@ def test_a_query_says_when_the_last_object_of_a_name_left_the_map(
     said = hypermap("query", office, "--name", "table").err
     assert re.search(r"'table' was on the map until 20\S+ \S+ IST\n", said)
     assert "was on the map" not in hypermap("query", office, "--name", "bed").err
+
+
+def test_a_question_knows_other_names_of_what_left_the_map(hypermap: Run, tmp_path: Path) -> None:
+    names = ("bin", "zorblax", "office chair")
+    things = [SemanticObject(name, shapely.box(x, 0, x + 1, 1)) for x, name in enumerate(names)]
+    office = Hypermap([SemanticLayer("semantic", "map", things)])
+    assert begin_history(office)
+    save_map(office, tmp_path / "office.hmap")
+    for number in range(3):
+        office.semantic().remove(number)
+    save_map(office, tmp_path / "office.hmap")
+    for name, asked in (("bin", "bin"), ("zorblax", "zorblax"), ("office chair", "seating")):
+        said = hypermap("ask", tmp_path / "office.hmap", f"when did you last see the {asked}?").out
+        assert f"; '{name}' was on the map until 20" in said
+    said = hypermap("ask", tmp_path / "office.hmap", "where is the wug?").err
+    assert "cannot read 'wug'" in said
 
 
 def test_of_what_left_the_map_it_is_said_when_it_was_seen_last_and_where(

@@ -111,7 +111,7 @@ def left_the_map(hypermap: Hypermap, name: str) -> str | None:
 
     None if none did, as far as the map's history knows.
     """
-    last = departed(hypermap, name)
+    last = departed(hypermap, name.__eq__)
     if last is None:
         return None
     return last.sentence("" if last.version is None else f" (--as-of v{last.version})")

@@ -17,6 +17,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.answer import Answer, ask
+from hypermap.questions.departed import names_before
 from hypermap.questions.query import Query
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
 from hypermap.questions.times import without_as_of
@@ -66,14 +67,15 @@ def answer_to(
         query = Query.from_json({"like": looks[1].strip(" ?")})
     else:
         # With a parser that takes time to load.
-        from hypermap.questions.english import NotUnderstood, check_length, understand
+        from hypermap.questions.english import NotUnderstood, check_length
 
         vocabulary = vocabulary_of(hypermap, names)
         try:
             check_length(question)
             text, moment = without_as_of(question)
             about_values = value_query(text, hypermap, vocabulary)
-            query = replace(about_values or understand(text, vocabulary), as_of=moment)
+            query = about_values or _understood(text, hypermap, vocabulary)
+            query = replace(query, as_of=moment)
         except NotUnderstood:
             if model is None:
                 raise
@@ -82,6 +84,19 @@ def answer_to(
     radius = robot_radius
     answer = ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=radius, encoder=encoder)
     return replace(answer, notes=(*notes, *answer.notes))
+
+
+def _understood(text: str, hypermap: Hypermap, vocabulary: Vocabulary) -> Query:
+    """Return the query that a text asks, also about names that are not on the map any more."""
+    from hypermap.questions.english import NotUnderstood, understand
+
+    try:
+        return understand(text, vocabulary)
+    except NotUnderstood:
+        gone = names_before(hypermap).difference(vocabulary.objects)
+        if not gone:
+            raise
+        return understand(text, replace(vocabulary, objects=(*vocabulary.objects, *sorted(gone))))
 
 
 def ask_map(

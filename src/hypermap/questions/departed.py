@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from hypermap.core.history import EARLIEST, Change, Revision
-from hypermap.core.hypermap import Hypermap
+from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.objects import SemanticObject
-from hypermap.history import version_of
+from hypermap.history import placed, version_of
 from hypermap.questions.times import time_of
 from hypermap.text import printable
 
@@ -17,7 +18,7 @@ class Departed:
     """The last object of a name that left a map.
 
     Attributes:
-        object: as it was on the map, in the frame of its layer.
+        object: as it was on the map, in the base frame.
         revision: without it.
         version: of the map that last had it; None if that is not known.
     """
@@ -42,10 +43,14 @@ class Departed:
         return f"{said}; last seen {time_of(seen)} at ({center.x:.2f}, {center.y:.2f})"
 
 
-def departed(hypermap: Hypermap, name: str) -> Departed | None:
-    """Return the last object of a name that left a map, and of several the one seen last.
+def departed(hypermap: Hypermap, is_meant: Callable[[str], bool]) -> Departed | None:
+    """Return the last object that left a map, and of several the one seen last.
 
     None if none did, as far as the map's history knows.
+
+    Args:
+        hypermap: the map.
+        is_meant: returns whether an object of a name counts.
     """
     found: Departed | None = None
     previous: int | None = None
@@ -54,10 +59,10 @@ def departed(hypermap: Hypermap, name: str) -> Departed | None:
     for _, revision in dated:
         if revision.version > now:
             continue
-        gone = [one for change in revision.changes if (one := _taken_away(change, name))]
+        gone = [change for change in revision.changes if _takes_away(change, is_meant)]
         if gone:
-            last = max(gone, key=lambda one: one.last_seen or 0.0)
-            found = Departed(last, revision, previous)
+            last = max(gone, key=lambda one: _was(one).last_seen or 0.0)
+            found = Departed(_was(placed(hypermap, last)), revision, previous)
         if found is not None and revision.follows_loss:  # the map before it is not known
             found = replace(found, version=None)
         previous = revision.version
@@ -69,8 +74,20 @@ def when(revision: Revision) -> str:
     return f"v{revision.version}" if revision.time is None else time_of(revision.time)
 
 
-def _taken_away(change: Change, name: str) -> SemanticObject | None:
-    """Return the object of a name that a change takes away, or gives another name."""
+def names_before(hypermap: Hypermap) -> set[str]:
+    """Return the names that objects of a map have or had, as far as its history knows."""
+    revisions = () if hypermap.history is None else hypermap.history.revisions()
+    changes = [change for revision in revisions for change in revision.changes]
+    return {name for one in changes if one.layer != ROOMS for name in one.names}
+
+
+def _takes_away(change: Change, is_meant: Callable[[str], bool]) -> bool:
+    """Return whether a change takes an object away, or gives it a name that is not meant."""
     was, now = change.before, change.after
-    is_gone = was is not None and was.name == name and (now is None or now.name != name)
-    return was if is_gone else None
+    return was is not None and is_meant(was.name) and (now is None or not is_meant(now.name))
+
+
+def _was(change: Change) -> SemanticObject:
+    """Return an object as it was before a change."""
+    assert change.before is not None
+    return change.before

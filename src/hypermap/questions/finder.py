@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,6 +91,10 @@ class Finder:
             return [name]
         return self._taxonomy.matching(name, self._names)
 
+    def _means(self, name: str, other: str) -> bool:
+        """Return whether a name means objects of another one."""
+        return bool(self._taxonomy.matching(name, [other]))
+
     def objects(
         self,
         names: tuple[str, ...],
@@ -145,7 +149,7 @@ class Finder:
                 if is_known:
                     like = self._taxonomy.related(what, self._names)
                     hint = f"; similar: {', '.join(map(printable, like[:3]))}" if like else ""
-                if (last := departed(self._hypermap, what)) is not None:
+                if (last := departed(self._hypermap, partial(self._means, what))) is not None:
                     hint = f"; {last.sentence()}"
                 self.notes.append(doors or f"there is no {what} in the map{hint}")
         only = [layer.name for layer in layers or () if isinstance(layer, SemanticLayer)]
