@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import re
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -94,6 +95,34 @@ def test_changes_says_that_the_history_does_not_reach_back_so_far(
     for since, is_known in (("v0", False), ("yesterday", False), ("v1", True), ("v2", True)):
         said = hypermap("changes", office, "--since", since).err
         assert ("earlier changes are not known: the history begins with v2, " in said) != is_known
+
+
+@pytest.mark.parametrize(
+    ("lost", "since", "known", "unknown"),
+    [
+        (4, "v2", "1 moved, 1 gone", "the newest changes are not known: the end of the history is"),
+        (4, "v3", "no change is known", "the newest changes are not known"),
+        (3, "v2", "1 added", "changes right before v4 are not known: they are lost"),
+        (3, "v3", "1 added", None),
+        (2, "v1", "1 moved, 1 gone, 1 added", "earlier changes are not known"),
+        (2, "v2", "1 moved, 1 gone, 1 added", None),
+    ],
+)
+def test_changes_says_which_of_them_are_lost(
+    hypermap: Run, office: Path, lost: int, since: str, known: str, unknown: str | None
+) -> None:
+    map_of_today = open_map(office)
+    map_of_today.semantic().add(SemanticObject("cup", shapely.box(7, 7, 8, 8)))
+    save_map(map_of_today, office)
+    with zipfile.ZipFile(office) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(office, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content.replace(b'"version":%d' % lost, b'"version:'))
+    said = hypermap("changes", office, "--since", since)
+    assert said.out.splitlines()[-1] == known
+    assert said.err.count("not known") == (unknown is not None)
+    assert (unknown or "") in said.err
 
 
 def test_a_query_says_when_the_last_object_of_a_name_left_the_map(

@@ -84,7 +84,8 @@ def command(
         for revision, change in changes_since(hypermap, since)
         if not names or change.names & set(names)
     ]
-    if since is not None and (unknown := unknown_since(hypermap, since)):
+    unknown = unknown_since(hypermap, since)
+    if unknown:
         note(unknown)
     if as_json:
         rows = [_facts(revision) | described(change) for revision, change in found]
@@ -92,7 +93,8 @@ def command(
         shown_changes = found
     else:
         shown_changes = found if show_all else worth_showing(found)
-        _show(shown_changes, names is not None or show_all)
+        nothing = "no change is known" if unknown else "nothing changed"
+        _show(shown_changes, names is not None or show_all, nothing)
         if left_out := len(found) - len(shown_changes):
             note(f"{counted(left_out, 'doubtful change')} left out; --all shows them")
     if picture is not None:
@@ -120,11 +122,11 @@ def _unchanged(
     )
 
 
-def _show(found: _Found, each: bool) -> None:
+def _show(found: _Found, each: bool, nothing: str) -> None:
     """Show the changes.
 
     What the first drive found is one row, and so is what only stands elsewhere because poses were
-    corrected, unless `each` is wanted.
+    corrected, unless `each` is wanted. `nothing` is said if there are none.
     """
     from hypermap.questions.departed import when
 
@@ -149,7 +151,7 @@ def _show(found: _Found, each: bool) -> None:
                     _cause(revision),
                 )
         out().print(rows)
-    say(counts_of(change for _, change in found) or "nothing changed")
+    say(counts_of(change for _, change in found) or nothing)
 
 
 def _first(pair: tuple[Revision, Change]) -> Revision:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.history import Change, Revision
+from hypermap.core.history import Change, History, Revision
 from hypermap.core.hypermap import Hypermap
 from hypermap.history import as_of, at_version, check_version, is_known_from_the_beginning
 from hypermap.questions.departed import departed, when
@@ -60,22 +60,27 @@ def changes_since(
     """
     if hypermap.history is None:
         raise HypermapError("this map keeps no history; `hypermap history --keep 90d` starts one")
-    dated = list(hypermap.history.dated())
-    version = None if moment is None else version_in(moment)
-    if version is not None:
+    if moment is not None and (version := version_in(moment)) is not None:
         check_version(hypermap, version)
-        later = [revision for _, revision in dated if revision.version > version]
-    elif moment is not None:
-        begin = parse_moment(moment, option).timestamp()
-        if dated and all(revision.time is None for _, revision in dated):
-            raise HypermapError(
-                f"{option} {moment}: the clocks of the recordings give no dates; "
-                "give a version, such as v1"
-            )
-        later = [revision for stamp, revision in dated if stamp >= begin]
-    else:
-        later = [revision for _, revision in dated]
+    later = _later(hypermap.history, moment, option)
     return [(revision, change) for revision in later for change in revision.changes]
+
+
+def _later(history: History, moment: str | None, option: str) -> list[Revision]:
+    """Return the revisions after a time or a version; see `changes_since`."""
+    dated = list(history.dated())
+    version = None if moment is None else version_in(moment)
+    if moment is None:
+        return [revision for _, revision in dated]
+    if version is not None:
+        return [revision for _, revision in dated if revision.version > version]
+    begin = parse_moment(moment, option).timestamp()
+    if dated and all(revision.time is None for _, revision in dated):
+        raise HypermapError(
+            f"{option} {moment}: the clocks of the recordings give no dates; "
+            "give a version, such as v1"
+        )
+    return [revision for stamp, revision in dated if stamp >= begin]
 
 
 def worth_showing(
@@ -85,25 +90,42 @@ def worth_showing(
     return [(revision, change) for revision, change in found if revision.is_worth_showing(change)]
 
 
-def unknown_since(hypermap: Hypermap, moment: str) -> str | None:
-    """Return that a map's history begins after a time or a version; None if it reaches back so far.
+def unknown_since(hypermap: Hypermap, moment: str | None) -> str | None:
+    """Return what a map's history does not know of the time since then; None if it knows all.
 
     Args:
         hypermap: a map with a history.
         moment: as `changes_since` takes it.
     """
     assert hypermap.history is not None
+    said = [] if moment is None else _before_the_first(hypermap, moment)
+    if hypermap.history.is_end_lost:
+        said.append("the newest changes are not known: the end of the history is lost")
+    revisions = hypermap.history.revisions()
+    told = {revisions[0].version} if revisions else set()  # of the first one, that it is the first
+    if moment is not None and (version := version_in(moment)) is not None:
+        told.add(version + 1)
+    later = _later(hypermap.history, moment, "--since")
+    gaps = [one.version for one in later if one.follows_loss and one.version not in told]
+    if gaps:
+        listed = ", ".join(f"v{one}" for one in gaps)
+        said.append(f"changes right before {listed} are not known: they are lost")
+    return "; ".join(said) or None
+
+
+def _before_the_first(hypermap: Hypermap, moment: str) -> list[str]:
+    """Return a sentence if a map's history begins after a time or a version; else none."""
+    assert hypermap.history is not None
     first_stamp, first = next(iter(hypermap.history.dated()), (0.0, None))
     if first is None or is_known_from_the_beginning(hypermap):
-        return None
+        return []
     version = version_in(moment)
     if version is not None:
         is_known = version >= first.version - 1
     else:
         is_known = parse_moment(moment, "").timestamp() >= first_stamp
-    if is_known:
-        return None
-    return f"earlier changes are not known: the history begins with v{first.version}, {when(first)}"
+    begins = f"the history begins with v{first.version}, {when(first)}"
+    return [] if is_known else [f"earlier changes are not known: {begins}"]
 
 
 def left_the_map(hypermap: Hypermap, name: str) -> str | None:
