@@ -209,11 +209,33 @@ def test_corrected_poses_move_nothing_of_which_mapping_does_not_say_so(
     first = mapped(office(), MONDAY, was)
     assert first.history is not None
     other = first.with_layer(SemanticLayer("semantic", "map", [now]))
-    correction = Mapped("day2", TUESDAY, is_corrected=True)
+    correction = Mapped("day2", TUESDAY, shifts={})
     other.history = dataclasses.replace(first.history, mapped=correction)
     (change,) = revisions(grown(other, TUESDAY))[-1].changes
     assert (change.kind, change.distance) == (kind, pytest.approx(0.6))
     assert change.confidence == (0.7 if kind == "moved" else None)
+
+
+@pytest.mark.parametrize(
+    ("shift", "kind", "distance"),
+    [
+        ((1.0, 0.0), "moved", 0.4),  # the poses shifted it by 1 m, and somebody moved it back
+        ((0.0, 0.8), "moved", 1.0),
+        ((0.6, 0.0), "corrected", 0.6),  # nothing but the correction
+    ],
+)
+def test_the_distance_of_a_move_is_without_the_shift_by_corrected_poses(
+    shift: tuple[float, float], kind: str, distance: float
+) -> None:
+    first = mapped(office(), MONDAY, box("chair", 2, 1))
+    assert first.history is not None
+    said = {"confidence": 0.7, "since": MONDAY}
+    now = box("chair", 2.6, 1, moved=said)
+    other = first.with_layer(SemanticLayer("semantic", "map", [now]))
+    correction = Mapped("day2", TUESDAY, shifts={1: shift})
+    other.history = dataclasses.replace(first.history, mapped=correction)
+    (change,) = revisions(grown(other, TUESDAY))[-1].changes
+    assert (change.kind, change.distance) == (kind, pytest.approx(distance))
 
 
 @pytest.mark.parametrize(("end", "kinds"), [(3.7, []), (2.6, ["moved"])])

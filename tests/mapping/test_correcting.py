@@ -30,6 +30,7 @@ from hypermap.formats.array_file import ArrayFile, dump_arrays, parse_arrays
 from hypermap.mapping import correcting, frame_log, packed_frames
 from hypermap.mapping.config import profile
 from hypermap.mapping.correcting import CannotCorrect
+from hypermap.mapping.edited_copy import take_edits
 from hypermap.mapping.frame_log import (
     FrameLog,
     LoggedFrame,
@@ -146,6 +147,43 @@ def test_a_corrected_map_is_that_of_the_corrected_poses(name: str) -> None:
     assert np.mean(ious) >= 0.95
     assert ious[0] > 0.7
     assert cells_alike(exact, after) > 0.93 > cells_alike(exact, before)
+
+
+def test_the_shift_of_each_object_is_known_until_the_corrected_map_is_continued(
+    tmp_path: Path,
+) -> None:
+    """As by a live node, whose saved map people edit: what moves later was not corrected."""
+    file, early = tmp_path / "saved.hmap", tmp_path / "early.hmap"
+    save_map(drifted_map(), file)
+    mapper = Mapper.onto(open_map(file), SOURCE)
+    save_map(mapper.hypermap(), early)
+    assert shifts_of(mapper) is None
+    correction = mapper.correct(truth())
+    shifts = shifts_of(mapper)
+    assert shifts is not None
+    after = {one.id: one.footprint.centroid for one in objects(mapper.hypermap())}
+    before = {one.id: one.footprint.centroid for one in objects(open_map(file))}
+    both = sorted(before.keys() & after.keys())
+    found = [(after[n].x - before[n].x, after[n].y - before[n].y) for n in both]
+    off = np.linalg.norm(np.array(found) - [shifts[n] for n in both], axis=1)
+    assert np.median(off) < 0.05
+    assert off.max() < 0.2
+    assert np.linalg.norm(found, axis=1).max() > correction.mean > 0.1
+    again = Mapper.onto(mapper.hypermap(), SOURCE)  # not saved since: the correction is still new
+    assert shifts_of(again) == shifts
+
+    save_map(mapper.hypermap(), file)
+    take_edits(mapper, open_map(early))  # a copy from before the correction
+    assert shifts_of(mapper) == shifts
+    take_edits(mapper, open_map(file))
+    assert shifts_of(mapper) is None
+
+
+def shifts_of(mapper: Mapper) -> Any:
+    history = mapper.hypermap().history
+    assert history is not None
+    assert history.mapped is not None
+    return history.mapped.shifts
 
 
 def test_poses_that_stay_leave_the_objects_where_they_are() -> None:

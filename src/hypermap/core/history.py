@@ -127,13 +127,14 @@ class Mapped:
         time: stamp of its last frame in seconds since 1970; None if its clock does not say it.
         doubt: returns how likely it is that an object which seems to have come or gone did not,
             0..1; None if that is unknown.
-        is_corrected: whether the poses of earlier frames were corrected.
+        shifts: by how much corrected poses have shifted each object, in x and y [m], by its id;
+            None if no poses of earlier frames were corrected.
     """
 
     drive: str
     time: float | None
     doubt: Callable[[Change], float] | None = None
-    is_corrected: bool = False
+    shifts: Mapping[int, tuple[float, float]] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import shapely
+from shapely import affinity
 
 from hypermap.core.history import (
     ADDED,
@@ -47,7 +49,7 @@ def differences(
     after: SemanticLayer | None,
     cause: Cause,
     now: float,
-    is_corrected: bool = False,
+    shifts: Mapping[int, tuple[float, float]] | None = None,
 ) -> list[Change]:
     """Return what changed in a layer, in the order of the ids.
 
@@ -59,7 +61,8 @@ def differences(
         after: the layer after; None if it is not there any more.
         cause: what has changed it.
         now: in seconds since 1970; what is gone by then may have expired.
-        is_corrected: whether poses were corrected: then mapping must say so of what was moved.
+        shifts: by how much corrected poses have shifted each object, in x and y [m], by its id.
+            Then mapping must say so of what was moved. None if no poses were corrected.
     """
     layer = before if after is None else after
     assert layer is not None
@@ -82,7 +85,7 @@ def differences(
     rows = np.array([[was[number], at[number]] for number in both], np.int64).reshape(-1, 2)
     for i in _suspicious(old, new, rows):
         pair = old.object(int(rows[i, 0])), new.object(int(rows[i, 1]))
-        if (change := _changed(layer.name, *pair, cause, is_corrected)) is not None:
+        if (change := _changed(layer.name, *pair, cause, shifts)) is not None:
             found[both[i]] = change
     return [found[number] for number in sorted(found)]
 
@@ -135,17 +138,32 @@ def _sureness(item: SemanticObject, cause: Cause) -> float | None:
 
 
 def _changed(
-    layer: str, old: SemanticObject, new: SemanticObject, cause: Cause, is_corrected: bool
+    layer: str,
+    old: SemanticObject,
+    new: SemanticObject,
+    cause: Cause,
+    shifts: Mapping[int, tuple[float, float]] | None,
 ) -> Change | None:
     """Return how an object changed; None if that does not count."""
-    distance = distance_between(old, new)
+    distance, may_have_moved = distance_between(old, new), True
+    if shifts is not None:
+        alone = distance_between(_shifted(old, shifts), new)
+        may_have_moved = _is_newly_moved(old, new) and alone >= MIN_SHIFT
+        distance = alone if may_have_moved else distance
     kind = _kind(old, new, distance, cause)
-    if kind == MOVED and is_corrected and not _is_newly_moved(old, new):
+    if kind == MOVED and not may_have_moved:
         kind = CORRECTED
     if kind is None:
         return None
     confidence = confidence_of_move(old, new) if kind == MOVED else None
     return Change(kind, layer, old, new, distance, confidence)
+
+
+def _shifted(item: SemanticObject, shifts: Mapping[int, tuple[float, float]]) -> SemanticObject:
+    """Return an object where it would be at the corrected poses."""
+    assert item.id is not None
+    x, y = shifts.get(item.id, (0.0, 0.0))
+    return replace(item, footprint=affinity.translate(item.footprint, x, y))
 
 
 def _kind(old: SemanticObject, new: SemanticObject, distance: float, cause: Cause) -> str | None:

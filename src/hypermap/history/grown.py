@@ -97,8 +97,8 @@ def _changes(
 ) -> list[Change]:
     names = dict.fromkeys((*history.layers, *layers))
     pairs = ((history.layers.get(name), layers.get(name)) for name in names)
-    is_corrected = history.mapped is not None and history.mapped.is_corrected
-    found = [one for pair in pairs for one in differences(*pair, cause, now, is_corrected)]
+    shifts = None if history.mapped is None else history.mapped.shifts
+    found = [one for pair in pairs for one in differences(*pair, cause, now, shifts)]
     if any(change.kind == FIRST_SEEN for change in found):  # otherwise it need not be read
         known = {(one.layer, one.object.id) for each in history.revisions() for one in each.changes}
         found = [_as_returned(change, known) for change in found]

@@ -15,7 +15,7 @@ from hypermap.core.trajectory import Trajectory, invert, trajectory_of
 from hypermap.formats.collector import paused_collector
 from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.config import MappingConfig
-from hypermap.mapping.drives import Drive, rows_of_drives
+from hypermap.mapping.drives import Drive, numbers_of_drives, rows_of_drives
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import FoundEvidence, evidence_from_frames
 from hypermap.mapping.floor_motions import FloorMotions
@@ -68,9 +68,7 @@ class Correction:
         The arguments are those of `corrected_poses` and its results.
         """
         stamps, before = log.stamps, log.poses
-        drive_of = np.full(len(stamps), -1)
-        for number, rows in enumerate(rows_of_drives(len(stamps), drives)):
-            drive_of[rows] = number
+        drive_of = numbers_of_drives(len(stamps), drives)
         moves = np.linalg.norm((after - before)[is_moved, :2, 3], axis=1)
         count = int(is_moved.sum())
         motions = partial(FloorMotions.between, stamps, before, after, drive_of, is_under_way)

@@ -162,6 +162,14 @@ def rows_of_drives(count: int, drives: Sequence[Drive]) -> list[slice]:
     return [slice(begin, end) for end, begin in pairwise(ends)][::-1]
 
 
+def numbers_of_drives(count: int, drives: Sequence[Drive]) -> NDArray[np.int64]:
+    """Return the number of each frame's drive among the newest frames of all drives, shape (N,)."""
+    numbers = np.full(count, -1)
+    for number, rows in enumerate(rows_of_drives(count, drives)):
+        numbers[rows] = number
+    return numbers
+
+
 def packed(drives: list[Drive]) -> tuple[list[dict[str, Any]], NDArray[np.uint32]]:
     """Return drives as values for JSON, and their keys in one array, shape (N,)."""
     known = [drive for drive in drives if drive.keys]

@@ -10,6 +10,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.formats.backup import BY_HAND
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.frame_log import FrameLog
 from hypermap.mapping.going_on import edits_of, layer_of_objects, state_of
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.merging.moving import renumbered
@@ -36,7 +37,7 @@ def take_edits(mapper: Mapper, edited: Hypermap) -> None:
     kept = {number: edit for number, edit in earlier.items() if number not in known}
     if edits or earlier:
         _edit(mapper.evidence, {**kept, **edits}, edited)
-    mapper.go_on_in(edited)
+    mapper.go_on_in(edited, FrameLog(state.log))
 
 
 def _edit(evidence: EvidenceMap, edits: Mapping[int, HandEdit], edited: Hypermap) -> None:

@@ -45,6 +45,7 @@ from hypermap.mapping.pictures import keep_pictures
 from hypermap.mapping.same_place import PlaceCheck
 from hypermap.mapping.sample_places import with_moved_samples
 from hypermap.mapping.second_look import SecondLook
+from hypermap.mapping.shifts import Shifts
 from hypermap.perception.detections import Detections
 from hypermap.perception.embedders.embedder import Embedder
 from hypermap.perception.frame import DetectionSource, RgbdFrame
@@ -128,7 +129,7 @@ class Mapper:
         self._occupancy = OccupancyMapper(config.occupancy)
         self._base = Hypermap()  # the map that this one continues
         self._frame_log = FrameLog()
-        self._is_corrected = False
+        self._shifts = Shifts(None)
 
     @classmethod
     def onto(
@@ -178,19 +179,21 @@ class Mapper:
             mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
         if mapper._aligner is not None and state.alignment is not None:
             mapper._aligner.go_on_with(*state.alignment)
-        mapper._base = hypermap
+        mapper._base, mapper._shifts = hypermap, Shifts(hypermap.history)
         mapper._frame_log = FrameLog(state.log)
         if state.drives and state.drives[-1].name != drive:
             mapper._frame_log.end_drive()
         return mapper
 
-    def go_on_in(self, hypermap: Hypermap) -> None:
+    def go_on_in(self, hypermap: Hypermap, log: FrameLog) -> None:
         """Keep the other layers, transforms, metadata and history of another map from now on.
 
         Args:
             hypermap: this mapper's own map, as others have changed it.
+            log: the frames of that map.
         """
-        self._base = hypermap
+        self._base, self._shifts = hypermap, Shifts(hypermap.history)
+        self._shifts.add(log, self._frame_log, self._intake.drives())
 
     def embed_with(self, embedder: Embedder | None) -> None:
         """Embed the objects in later frames; None to stop.
@@ -343,10 +346,10 @@ class Mapper:
         made = map_again(
             self._frame_log, poses, self.evidence, self.config, self.evidence.is_free, on_progress
         )
+        self._shifts.add(self._frame_log, made.log, drives)
         self.evidence, self._occupancy, self._frame_log = made.evidence, made.occupancy, made.log
         self.keyframes.go_on_from(poses[-1])
         self._base = with_moved_samples(self._base, correction.motions, self.occupancy)
-        self._is_corrected = True
         if self.place is not None:
             self.place.begin_again()
         return correction
@@ -399,15 +402,14 @@ class Mapper:
     def _mapped(self, published: list[SemanticObject]) -> Mapped:
         """Return the source of the present changes, for the map's history."""
         drive = self._intake.drive
-        unsaved = None if self._base.history is None else self._base.history.mapped
-        is_corrected = self._is_corrected or (unsaved is not None and unsaved.is_corrected)
-        name = drive.name or ("corrected poses" if self._is_corrected else "")
+        shifts = self._shifts.by_id()
+        name = drive.name or ("" if shifts is None else "corrected poses")
         if not self._intake.is_another_drive:
-            return Mapped(name, drive.time, is_corrected=is_corrected)
+            return Mapped(name, drive.time, shifts=shifts)
         log, drives = FrameLog(self._frame_log.parts), self._intake.drives()
         before = layer_of_objects(self._base)
         look = SecondLook(log, drives, self.config, before, published)
-        return Mapped(name, drive.time, look.chance, is_corrected)
+        return Mapped(name, drive.time, look.chance, shifts)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:
         """Return a copy of the state that is needed to continue."""
