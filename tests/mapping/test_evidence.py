@@ -494,7 +494,7 @@ def test_a_view_of_one_of_two_chairs_is_not_for_the_one_that_reached_over_both()
         evidence.update(seen(shape, right))
     for _ in range(3):
         evidence.update(seen(right))
-    assert [count for _, count, _ in evidence.summary()] == [5, 8]
+    assert [count for _, count, *_ in evidence.summary()] == [5, 8]
 
 
 def test_what_a_frame_misclassifies_is_not_counted_beside_others() -> None:

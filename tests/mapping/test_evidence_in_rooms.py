@@ -28,7 +28,7 @@ from .evidence_tools import DEFAULT, NOWHERE, only, published_all, seen, square
 
 def tracks(evidence: EvidenceMap) -> list[SemanticObject]:
     """Return the published tracks, before one class is decided on for each place."""
-    return evidence.objects({number for number, _, _ in evidence.summary()})
+    return evidence.objects({number for number, *_ in evidence.summary()})
 
 
 def level(depth: float, x: float = 0.0) -> DepthView:

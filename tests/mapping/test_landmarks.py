@@ -191,7 +191,7 @@ def test_published_shapes_agree_and_those_in_between_do_not_wait_for_it() -> Non
         return float(np.linalg.norm(np.array(cup.footprint.centroid.coords[0]) - PLACES[0]))
 
     assert off(landmarks) < 0.6 * off(plain)
-    ids = [number for number, _, _ in plain.summary()]
+    ids = [number for number, *_ in plain.summary()]
     assert [item.footprint for item in landmarks.objects(ids)] == [
         item.footprint for item in plain.objects(ids)
     ]

@@ -381,7 +381,7 @@ def test_who_watches_sees_each_mapped_frame_its_segments_and_the_map_as_it_is_th
     )
     frames = walk()
     frames.items.insert(2, frames.items[1])  # the camera has not moved
-    seen: list[tuple[MappedFrame, Counts, list[tuple[int, int, float]], float]] = []
+    seen: list[tuple[MappedFrame, Counts, list[tuple[int, int, float, float]], float]] = []
 
     def watch(mapped: MappedFrame, mapper: Mapper) -> None:
         known = mapper.occupancy().value_at([[0.0, 0.0]])[0]
@@ -400,9 +400,9 @@ def test_who_watches_sees_each_mapped_frame_its_segments_and_the_map_as_it_is_th
         assert len(found.segment.pixels) > 0.9 * len(on_box)
     *_, summary, known = seen[-1]
     (thing,) = hypermap["semantic"].objects()
-    assert summary == [(thing.id, 6, thing.existence)]
+    assert summary == [(thing.id, 6, 5.0, thing.existence)]
     assert known == 100
-    evidence = [{id_: count for id_, count, _ in summary} for _, _, summary, _ in seen]
+    evidence = [{id_: count for id_, count, *_ in summary} for _, _, summary, _ in seen]
     assert [counts.get(thing.id, 0) for counts in evidence][-3:] == [4, 5, 6]
 
 

@@ -71,7 +71,8 @@ def mapped(
 
     def watch(frame: MappedFrame, mapper: Mapper) -> None:
         seen.frames.append(frame)
-        seen.summary.append(mapper.evidence.summary())
+        summary = mapper.evidence.summary()
+        seen.summary.append([(id_, count, value) for id_, count, _, value in summary])
         run.watch(frame, mapper)
 
     recording = open_recording(drive, RecordingOptions(intrinsics=INTRINSICS))

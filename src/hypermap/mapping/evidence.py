@@ -183,10 +183,11 @@ class EvidenceMap:
         """
         return self._as_published().objects(ids)
 
-    def summary(self) -> list[tuple[int, int, float]]:
-        """Return the id, the number of pieces of evidence and the existence of each object.
+    def summary(self) -> list[tuple[int, int, float, float]]:
+        """Return the id, the number of pieces of evidence, their last stamp and the existence.
 
-        This is fast. An object's shape changes only when its evidence does.
+        Of each object; this is fast. An object's shape changes only when its evidence does: when
+        one of these numbers does, as what was moved may have as many pieces as before.
         """
         return self._as_published().summary()
 
@@ -204,7 +205,7 @@ class EvidenceMap:
                 left out stays so. Parts of one object are joined in both.
         """
         published = self._as_published()
-        ids = {number for number, _, _ in published.summary()}
+        ids = {number for number, *_ in published.summary()}
         if not is_final:
             return published.layer(name, frame_id, ids - self.left_out)
         layer = published.layer(name, frame_id)

@@ -173,7 +173,7 @@ class Mapper:
         mapper._has_objects = mapper._has_objects or layer_of_objects(hypermap) is not None
         mapper.evidence.go_on_with(state.tracks, edits_of(hypermap, state, own_config.evidence))
         published = {item.id for item in state.published}
-        mapper.evidence.left_out = {n for n, _, _ in mapper.evidence.summary()} - published
+        mapper.evidence.left_out = {n for n, *_ in mapper.evidence.summary()} - published
         mapper._intake.go_on_after(state.drives, state.keyframe, state.counts)
         if state.log_odds is not None:
             mapper._occupancy.go_on_with(state.first_cell, state.log_odds)

@@ -160,12 +160,13 @@ class PublishedTracks:
         first, second = (self.tracks.objects[row] for row in self.tracks.rows_of((one, other)))
         return not are_two(first, second, fewest=0)
 
-    def summary(self) -> list[tuple[int, int, float]]:
-        """Return the id, the number of pieces of evidence and the existence of each object."""
+    def summary(self) -> list[tuple[int, int, float, float]]:
+        """Return what `EvidenceMap.summary` does."""
         objects, existence = self.tracks.objects, self.tracks.existence
+        buffers = ((row, objects[row].id, objects[row].buffer) for row in self.rows())
         return [
-            (objects[row].id, objects[row].buffer.count, float(existence[row]))
-            for row in self.rows()
+            (number, buffer.count, buffer.last_seen, float(existence[row]))
+            for row, number, buffer in buffers
         ]
 
     def layer(

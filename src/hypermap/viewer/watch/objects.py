@@ -42,28 +42,37 @@ class Difference(TypedDict):
     removed: list[int]
 
 
-def object_states(evidence: EvidenceMap, before: ObjectStates) -> ObjectStates:
-    """Return the objects of the map now.
+class ObjectsNow:
+    """The objects of a map that is being made.
 
-    Args:
-        evidence: what the map knows.
-        before: an earlier answer; the shapes that cannot have changed since are taken from it.
+    Attributes:
+        states: as they were at the last look; never changed in place.
     """
-    summary = evidence.summary()
-    changed = {number for number, count, _ in summary if not _is_known(before.get(number), count)}
-    shapes = {state.id: state for state in evidence.objects(changed)} if changed else {}
-    objects: ObjectStates = {}
-    for number, count, existence in summary:
-        if number in changed:
-            state = shapes[number]
-            objects[number] = ObjectState(
-                state.name, existence, count, polygon_rings(state.footprint)
-            )
-        elif before[number].existence == existence:
-            objects[number] = before[number]
-        else:
-            objects[number] = before[number]._replace(existence=existence)
-    return objects
+
+    def __init__(self) -> None:
+        self.states: ObjectStates = {}
+        self._made_of: dict[int, tuple[int, float]] = {}
+        self._evidence: EvidenceMap | None = None
+
+    def look(self, evidence: EvidenceMap) -> None:
+        """Look at the map now; only shapes whose evidence has changed are made again."""
+        if evidence is not self._evidence:  # as when poses were corrected
+            self._evidence, self._made_of = evidence, {}
+        summary = evidence.summary()
+        made_of = {number: (count, last_seen) for number, count, last_seen, _ in summary}
+        changed = {n for n, evidence_of in made_of.items() if self._made_of.get(n) != evidence_of}
+        shapes = {state.id: state for state in evidence.objects(changed)} if changed else {}
+        objects: ObjectStates = {}
+        for number, count, _, existence in summary:
+            if number in changed:
+                state = shapes[number]
+                rings = polygon_rings(state.footprint)
+                objects[number] = ObjectState(state.name, existence, count, rings)
+            elif self.states[number].existence == existence:
+                objects[number] = self.states[number]
+            else:
+                objects[number] = self.states[number]._replace(existence=existence)
+        self.states, self._made_of = objects, made_of
 
 
 def difference(before: ObjectStates, after: ObjectStates) -> Difference:
@@ -126,7 +135,3 @@ def merged(first: Difference, second: Difference) -> Difference:
         "existence": list(existence.items()),
         "removed": list(removed),
     }
-
-
-def _is_known(state: ObjectState | None, evidence: int) -> bool:
-    return state is not None and state.evidence == evidence

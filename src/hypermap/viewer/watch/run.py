@@ -19,7 +19,7 @@ from hypermap.viewer.live.description import hex_color
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.watch.grids import GridPictures
 from hypermap.viewer.watch.history import MOST_BYTES, MOST_STEPS, History
-from hypermap.viewer.watch.objects import ObjectStates, difference, object_states
+from hypermap.viewer.watch.objects import ObjectsNow, ObjectStates, difference
 from hypermap.viewer.watch.observation import describe_observation
 from hypermap.viewer.watch.picture import picture_of
 
@@ -86,7 +86,7 @@ class WatchedRun:
         self._map_url: str | None = None
         self._is_kept = True
         self._colors: dict[str, str] = {}
-        self._objects_now: ObjectStates = {}
+        self._objects_now = ObjectsNow()
         self._since_kept = 0
         self._last: tuple[MappedFrame, Mapper] | None = None
         # Pictures are made next to the mapper, one frame behind it.
@@ -206,11 +206,11 @@ class WatchedRun:
         grid = self._grids.due(mapper.occupancy, at_once=is_last)
         is_new = self._since_kept > 0
         if is_new:  # what the mapper changes next is taken now
-            self._objects_now = object_states(mapper.evidence, self._objects_now)
+            self._objects_now.look(mapper.evidence)
             self._since_kept = 0
         number = mapper.counts.frames if is_new else None
         self._work = self._worker.submit(
-            self._write, seen, mapper.config, number, self._objects_now, grid
+            self._write, seen, mapper.config, number, self._objects_now.states, grid
         )
 
     def _write(
