@@ -177,7 +177,8 @@ class MapDocument:
             known = hypermap.metadata.get(MAP_VERSION)
             opened = known if type(known) is int else 0
             hypermap.metadata[MAP_VERSION] = opened + self._edited_saves + 1
-        if save_with_backup(hypermap, file.path, spare=self._has_backup(file)) is not None:
+        has_backup = self._has_backup(file)
+        if save_with_backup(hypermap, file.path, spare=has_backup) is not None or has_backup:
             self._backed_up.add(file.path)
         self._current.hypermap.history = hypermap.history
         self._edited_saves += is_edited
