@@ -13,6 +13,15 @@ _LONGEST = 2000  # characters of a message
 _PASSWORD = re.compile(r"(\bpostgres(?:ql)?:/+[^:/@\s]*):[^@\s]*(@?)")
 
 
+def is_address(text: object) -> bool:
+    """Return whether a text, or a path made of it, is the address of a store, not of a file.
+
+    >>> is_address("postgresql://me@db.example/maps?site=lab"), is_address("office.hmap")
+    (True, False)
+    """
+    return str(text).startswith(("postgresql:/", "postgres:/"))  # paths lose a slash
+
+
 def printable(text: object, longest: int = 28) -> str:
     r"""Return a text in one line, without control characters and cut at a length.
 

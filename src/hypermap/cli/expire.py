@@ -12,8 +12,8 @@ import typer
 from hypermap.cli.options import MapPath, check_edited, name_of, only_one
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError, ObjectNotFound
-from hypermap.fleet.store.address import is_address, parse_address
-from hypermap.text import printable
+from hypermap.fleet.store.address import parse_address
+from hypermap.text import is_address, printable
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap

@@ -17,8 +17,7 @@ from hypermap.cli.options import AsJson, name_of
 from hypermap.cli.recording_options import RecordingRequest, takes_recording_options
 from hypermap.cli.terminal import facts, note, out, say, say_json, table
 from hypermap.core.errors import HypermapError
-from hypermap.fleet.store.address import is_address
-from hypermap.text import counted, printable
+from hypermap.text import counted, is_address, printable
 
 if TYPE_CHECKING:
     from rich.table import Table

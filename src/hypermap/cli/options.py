@@ -12,7 +12,7 @@ import typer
 
 from hypermap.cli.terminal import INTERRUPTED
 from hypermap.core.errors import HypermapError
-from hypermap.text import visible
+from hypermap.text import is_address, visible
 
 MapPath = Annotated[
     Path,
@@ -127,14 +127,14 @@ def check_edited(path: Path) -> None:
 
 def name_of(path: Path) -> str:
     """Return what a map is called in answers and messages: of a site, its address, no password."""
-    from hypermap.fleet.store.address import is_address, parse_address
+    from hypermap.fleet.store.address import parse_address
 
     return parse_address(path).shown if is_address(path) else str(path)
 
 
 def title_of(path: Path) -> str:
     """Return what a map is called in the title of a picture: a site or a file by its name."""
-    from hypermap.fleet.store.address import is_address, parse_address
+    from hypermap.fleet.store.address import parse_address
 
     if not is_address(path):
         return path.stem

@@ -29,7 +29,7 @@ from hypermap.cli.node_options import (
 from hypermap.cli.store_options import followed_site
 from hypermap.cli.terminal import note
 from hypermap.core.errors import FileMissing
-from hypermap.fleet.store.address import is_address
+from hypermap.text import is_address
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap

@@ -12,7 +12,7 @@ from hypermap.cli.saving import save_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.value_sources import check_sources, joined, read, read_layer
 from hypermap.core.errors import FileMissing, HypermapError
-from hypermap.text import counted, printable
+from hypermap.text import counted, is_address, printable
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
@@ -241,7 +241,6 @@ def command(
         hypermap values warm.hmap --poses corrected.txt -o moved.hmap
     """
     from hypermap.core.hypermap import Hypermap
-    from hypermap.fleet.store.address import is_address
     from hypermap.formats import open_map
     from hypermap.values.on_map import with_value_layer
 

@@ -15,7 +15,8 @@ from hypermap.cli.signals import until_signal
 from hypermap.cli.store_options import followed_site
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError
-from hypermap.fleet.store.address import is_address, site_address
+from hypermap.fleet.store.address import site_address
+from hypermap.text import is_address
 
 if TYPE_CHECKING:
     from hypermap.viewer.live.shown_map import ShownMap

@@ -12,12 +12,13 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.atomic import is_folder
 from hypermap.formats.columns.geoparquet import MAGIC
 from hypermap.formats.grid.map_server import load_occupancy
-from hypermap.formats.hmap import is_site, open_map
+from hypermap.formats.hmap import open_map
 from hypermap.formats.semantic.geojson import from_geojson
 from hypermap.formats.semantic.parquet_files import layer_of_parquet
 from hypermap.formats.semantic.yaml_files import parse_content
 from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml
+from hypermap.text import is_address
 
 JSON_ENDINGS = {".geojson", ".json"}
 _PICTURES = {".pgm", ".png"}
@@ -38,7 +39,7 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
         MissingExtra: If it is GeoParquet, and pyarrow is not installed.
         HypermapError: If a frame is given for a whole map, which has its own.
     """
-    layer = None if is_site(path) else _only_layer(path, frame_id)
+    layer = None if is_address(path) else _only_layer(path, frame_id)
     if layer is not None:
         return Hypermap([layer])
     if frame_id is not None:

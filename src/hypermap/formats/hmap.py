@@ -43,6 +43,7 @@ from hypermap.formats.semantic.yaml_files import SemanticFiles, SemanticForm
 from hypermap.formats.store import FolderStore, MemoryStore, read_file, safe_name
 from hypermap.formats.yaml_text import read_yaml
 from hypermap.history import HistoryPolicy, begun, grown, keeps_history
+from hypermap.text import is_address
 
 logger = logging.getLogger(__name__)
 
@@ -67,7 +68,7 @@ def open_map(path: str | Path) -> Hypermap:
         FormatError: If it, or a file that belongs to it, is wrong or missing.
         HypermapError: If a plug-in for one of its layers does not work.
     """
-    if is_site(path):
+    if is_address(path):
         return open_site(path)
     path = Path(path)
     if is_folder(path):
@@ -81,11 +82,6 @@ def open_map(path: str | Path) -> Hypermap:
     if CONFIG_NAME not in store.files:
         raise FormatError(f"is a zip archive without {CONFIG_NAME}, so it is not a map", path=path)
     return _read_map(store, CONFIG_NAME)
-
-
-def is_site(path: str | Path) -> bool:
-    """Return whether it is the address of a site in a store, not a path; `Path` takes a slash."""
-    return str(path).startswith(("postgresql:/", "postgres:/"))
 
 
 def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "auto") -> None:

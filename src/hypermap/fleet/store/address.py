@@ -48,11 +48,6 @@ class Address:
         return Address(self.database, self.shown, site, version)
 
 
-def is_address(text: object) -> bool:
-    """Return whether a text, or a path made of it, is the address of a store."""
-    return _BEGIN.match(str(text)) is not None
-
-
 def parse_address(text: object) -> Address:
     """Return the address in a text such as "postgresql://robot@db.example/maps?site=lab".
 
