@@ -231,9 +231,9 @@ class _Asking:
             found, cells = self._nearest_of(found, self._cells(layers, found))
         elif query.asks_rooms:
             of_objects = query.describes_objects
-            rooms = finder.rooms_of(found) if of_objects else chosen_rooms(finder, query)
+            rooms = finder.rooms.of(found) if of_objects else chosen_rooms(finder, query)
         elif query.give == "room":
-            rooms = rooms_at(finder.rooms, found.centroids) if len(found) else []
+            rooms = rooms_at(finder.rooms.known, found.centroids) if len(found) else []
         return self._answer(found, rooms, cells, measured)
 
     def _answer(
@@ -257,7 +257,7 @@ class _Asking:
             placed = hypermap.placed_layers()
             return [layer for layer in placed if not isinstance(layer, OpaqueLayer)]
         if ROOMS in query.layers:
-            self._finder.check_rooms()
+            self._finder.rooms.check()
         named = [hypermap[name] for name in dict.fromkeys(query.layers)]
         for layer in named:
             if query.give not in ("labels", "places") and not isinstance(layer, SemanticLayer):
@@ -322,7 +322,7 @@ class _Asking:
         for condition in self._query.where:
             reference = condition.reference
             if condition.relation == "in" and reference.is_asker:
-                return self._finder.room_of_asker.outline
+                return self._finder.rooms.of_asker.outline
             is_area = reference.area is not None or reference.rooms
             if condition.relation in ("at", "in") and is_area:
                 return shapely.union_all(self._finder.others(reference).shapes)

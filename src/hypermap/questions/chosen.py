@@ -96,9 +96,9 @@ def _order(which: str, found: Matches) -> IntArray:
 def chosen_rooms(finder: Finder, query: Query) -> list[Room]:
     """Return the rooms of some names or kinds, of any if there are none."""
     if query.rooms in ((), ("room",)):  # any
-        rooms = [*finder.rooms]
+        rooms = [*finder.rooms.known]
     else:
-        called = {r.id: r for name in query.rooms for r in rooms_called(finder.rooms, name)}
+        called = {r.id: r for name in query.rooms for r in rooms_called(finder.rooms.known, name)}
         rooms = [*called.values()]
     far: dict[int, float] = {}
     if query.which in ("largest", "smallest"):

@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
+from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, Hypermap, Matches
@@ -21,6 +21,7 @@ from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
 from hypermap.questions.departed import departed
+from hypermap.questions.frames import pose_of_asker
 from hypermap.questions.query import Condition, Reference
 from hypermap.questions.relations import (
     Sides,
@@ -31,10 +32,9 @@ from hypermap.questions.relations import (
     are_carrying,
     are_near,
 )
+from hypermap.questions.room_finder import RoomFinder
 from hypermap.questions.taxonomy import Taxonomy
-from hypermap.rooms.kinds import rooms_of_points
-from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
-from hypermap.rooms.rooms import Room, Rooms, known_rooms, rooms_on
+from hypermap.rooms.rooms import rooms_on
 from hypermap.text import printable
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ class Finder:
     """Finds objects for one query; what several of its parts need is found once.
 
     Attributes:
+        rooms: finds rooms for it.
         notes: what is to be said next to the answer.
 
     Args:
@@ -74,6 +75,7 @@ class Finder:
         robot_radius: float,
     ) -> None:
         self._hypermap, self._exact, self._asker = hypermap, exact, asker
+        self.rooms = RoomFinder(hypermap, asker)
         self._taxonomy, self._robot_radius = taxonomy, robot_radius
         self._known: dict[Reference, Matches] = {}
         self.notes: list[str] = []
@@ -180,7 +182,7 @@ class Finder:
 
     def _is_there(self, condition: Condition) -> bool:
         """Return whether there is anything that a condition refers to."""
-        if condition.relation == "in" and self._rooms_meant(condition.reference):
+        if condition.relation == "in" and self.rooms.meant(condition.reference):
             return True
         references = [condition.reference, *([condition.other] if condition.other else [])]
         return all(len(self.others(reference)) > 0 for reference in references)
@@ -194,8 +196,8 @@ class Finder:
             if condition.negated or condition.relation in _FAR_REACHING:
                 continue
             if condition.relation == "in" and condition.reference.is_asker:
-                return shapely.buffer(self.room_of_asker.outline, _IN_SIGHT)
-            if condition.relation == "in" and self._rooms_meant(condition.reference):
+                return shapely.buffer(self.rooms.of_asker.outline, _IN_SIGHT)
+            if condition.relation == "in" and self.rooms.meant(condition.reference):
                 continue
             shapes = self.others(condition.reference).shapes
             if condition.other is not None:
@@ -207,118 +209,26 @@ class Finder:
                 return shapely.union_all(shapely.buffer(boxes, within, join_style="mitre"))
         return None
 
-    # Rooms
-
-    @cached_property
-    def rooms(self) -> Rooms:
-        """The rooms of the map; raises HypermapError if it has none."""
-        return known_rooms(self._hypermap)
-
-    def check_rooms(self) -> None:
-        """Raise a HypermapError if the map has no rooms."""
-        _ = self.rooms
-
-    def _rooms_called(self, names: Iterable[str]) -> list[Room]:
-        return [room for name in names for room in rooms_asked(self._hypermap, name)]
-
-    def _rooms_meant(self, reference: Reference) -> list[Room]:
-        """Return the rooms that the names of objects mean, or that the asker is in."""
-        if reference.is_asker:
-            return [self.room_of_asker]
-        if not reference.names or reference.where or ROOMS not in self._hypermap:
-            return []
-        return [room for name in reference.names for room in rooms_called(self.rooms, name)]
-
-    @cached_property
-    def room_of_asker(self) -> Room:
-        """The room in which the asker is; raises HypermapError if that is none."""
-        pose = self._asker_pose()
-        (room,) = rooms_at(self.rooms, (pose.x, pose.y))
-        if room is None:
-            raise HypermapError(f"({pose.x:g}, {pose.y:g}), your position, is in no room")
-        return room
-
-    def places_of_rooms(self, found: Matches) -> IntArray:
-        """Return the place of each object's room among the rooms, shape (N,); -1 for none.
-
-        A room is its own.
-        """
-        places = rooms_of_points(self.rooms, found.centroids)
-        are_rooms = found.are_of(ROOMS)
-        if are_rooms.any():
-            by_id = {room.id: place for place, room in enumerate(self.rooms)}
-            places[are_rooms] = [by_id[one] for one in found.column("ids")[are_rooms].tolist()]
-        return places
-
-    def rooms_of(self, found: Matches) -> list[Room]:
-        """Return the rooms in which there are some objects."""
-        there = set(self.places_of_rooms(found).tolist())
-        return [room for place, room in enumerate(self.rooms) if place in there]
-
-    def rooms_within(self, where: Iterable[Condition]) -> list[Room]:
-        """Return the rooms in which objects that meet conditions may be."""
-        kept = [*self.rooms]
-        for one in where:
-            reference = one.reference
-            if one.relation != "in" or not (reference.rooms or reference.is_asker):
-                continue
-            meant = self._rooms_called(reference.rooms) or [self.room_of_asker]
-            ids = {room.id for room in meant}
-            kept = [room for room in kept if (room.id in ids) != one.negated]
-        return kept
-
-    def _are_in(self, rooms: Sequence[Room], found: Matches, only_rooms: bool) -> BoolArray:
-        """Return which objects are in one of some rooms; no room is in another.
-
-        Where rooms alone are asked, it is these rooms themselves.
-        """
-        ids = {room.id for room in rooms}
-        if only_rooms:
-            return np.isin(found.column("ids"), [*ids])
-        places = [place for place, room in enumerate(self.rooms) if room.id in ids]
-        return np.isin(self.places_of_rooms(found), places) & ~found.are_of(ROOMS)
-
-    def _have(self, reference: Reference, found: Matches) -> BoolArray:
-        """Return which objects are rooms in which there is an object of a reference."""
-        ids = [room.id for room in self.rooms_of(self.others(reference))]
-        return found.are_of(ROOMS) & np.isin(found.column("ids"), ids)
-
-    def _are_next_door(self, reference: Reference, found: Matches) -> BoolArray:
-        """Return which objects are rooms that have a door to one of some rooms."""
-        rooms = self._rooms_called(reference.rooms) or self._rooms_meant(reference)
-        if not self.rooms.doors:
-            self.notes.append("the map knows no doors between its rooms")
-        ids = {room.id for room in rooms}
-        ways = [way for door in self.rooms.doors for way in (door.rooms, door.rooms[::-1])]
-        beyond = [there for here, there in ways if here in ids]
-        return found.are_of(ROOMS) & np.isin(found.column("ids"), beyond)
-
-    def _are_only(self, others: Matches, found: Matches) -> BoolArray:
-        """Return which objects are in a room of some others because they are one of these alone."""
-        own = self.places_of_rooms(others)
-        _, place, count = np.unique(own, return_inverse=True, return_counts=True)
-        return np.isin(found.keys, others.keys[count[place] == 1])
-
-    # Conditions
-
     def _holds(self, condition: Condition, found: Matches, only_rooms: bool = False) -> BoolArray:
         """Return for which objects a condition holds, before it is negated."""
         reference, relation = condition.reference, condition.relation
         if reference.rooms and relation == "in":
-            return self._are_in(self._rooms_called(reference.rooms), found, only_rooms)
-        if relation == "in" and (rooms := self._rooms_meant(reference)):
-            is_in = self._are_in(rooms, found, only_rooms)
+            return self.rooms.are_in(self.rooms.called(reference.rooms), found, only_rooms)
+        if relation == "in" and (rooms := self.rooms.meant(reference)):
+            is_in = self.rooms.are_in(rooms, found, only_rooms)
             if not self._is_thing(reference):
                 return is_in
             return is_in | self._meet(condition, found, self.others(reference))
         if relation == "with":
-            return self._have(reference, found)
+            return self.rooms.have(self.others(reference), found)
         if relation == "next door to":
-            return self._are_next_door(reference, found)
+            if not self.rooms.known.doors:
+                self.notes.append("the map knows no doors between its rooms")
+            return self.rooms.are_next_door(reference, found)
         if relation == "in the room of":
             others = self.others(reference)
-            is_in = self._are_in(self.rooms_of(others), found, only_rooms)
-            return is_in & ~self._are_only(others, found)
+            is_in = self.rooms.are_in(self.rooms.of(others), found, only_rooms)
+            return is_in & ~self.rooms.are_only(others, found)
         if condition.other is not None:
             return self._are_between(found, (reference, condition.other))
         return self._meet(condition, found, self.others(reference))
@@ -343,7 +253,7 @@ class Finder:
             return are_carrying(found, others)
         if relation == "visible from":
             return self._are_seen(condition.reference, found)
-        asker = self._asker_pose()
+        asker = pose_of_asker(self._asker)
         is_beside: Sides | SidesOfAsker
         if condition.reference.is_asker:
             is_beside = SidesOfAsker(relation, found, asker)
@@ -375,13 +285,13 @@ class Finder:
         if reference.names:
             return self.objects(reference.names, reference.where)
         if reference.rooms:
-            outlines = [room.outline for room in self._rooms_called(reference.rooms)]
+            outlines = [room.outline for room in self.rooms.called(reference.rooms)]
             return Matches.of_shapes(as_objects(outlines))
         if reference.area is not None:
             return Matches.of_shapes(as_objects([as_area(shapely.from_wkt(reference.area))]))
         if reference.point_xy is not None:
             return Matches.of_shapes(as_objects([shapely.Point(reference.point_xy)]))
-        pose = self._asker_pose()
+        pose = pose_of_asker(self._asker)
         return Matches.of_shapes(as_objects([shapely.Point(pose.x, pose.y)]))
 
     def _is_thing(self, reference: Reference) -> bool:
@@ -402,14 +312,6 @@ class Finder:
                 said += f" things called {name}; write one with its number, as {one!r}"
             raise HypermapError(f"this needs one place; the question names {said}")
         return others
-
-    def _asker_pose(self) -> Pose2D:
-        if self._asker is None:
-            raise HypermapError(
-                "the answer depends on where you are; say so in the question, or give a pose: "
-                "--pose X,Y or X,Y,YAW on the command line, pose=(x, y) in Python"
-            )
-        return self._asker
 
     @cached_property
     def planner(self) -> Planner:

@@ -27,10 +27,10 @@ def counted_by_room(
         The objects in these rooms; the rooms, those with most or fewest first if the query asks for
         them; and the counts.
     """
-    places = finder.places_of_rooms(found)
-    counts = np.bincount(places[places >= 0], minlength=len(finder.rooms)).tolist()
-    asked = {room.id for room in finder.rooms_within(query.where)}
-    rooms = [place for place, room in enumerate(finder.rooms) if room.id in asked]
+    places = finder.rooms.places_of(found)
+    counts = np.bincount(places[places >= 0], minlength=len(finder.rooms.known)).tolist()
+    asked = {room.id for room in finder.rooms.within(query.where)}
+    rooms = [place for place, room in enumerate(finder.rooms.known) if room.id in asked]
     if query.number is not None:
         rooms = [place for place in rooms if query.number.holds(counts[place])]
     if query.which is not None:
@@ -41,5 +41,5 @@ def counted_by_room(
     elsewhere = int(np.count_nonzero(places < 0))
     if elsewhere:
         finder.notes.append(f"{elsewhere} more {'is' if elsewhere == 1 else 'are'} in no room")
-    shown = [finder.rooms.rooms[place] for place in rooms]
+    shown = [finder.rooms.known.rooms[place] for place in rooms]
     return found.take(np.isin(places, rooms)), shown, [counts[place] for place in rooms]
