@@ -251,6 +251,13 @@ def test_the_map_is_saved_by_itself_while_the_robot_drives(
     node.wait_for(MAPPED=6)
     wait_for(is_saved, "the map of six frames")
     assert backup.read_text() == "an older map", "what the node made itself is no backup"
+    node.node.deactivate()
+    saved = open_map(output)
+    assert node.logged(f"all is saved in {output}: {len(saved.semantic())} objects")
+    assert saved.history is not None
+    (revision,) = saved.history.revisions()
+    assert revision.version > 1
+    assert revision.is_beginning
 
 
 def test_a_drive_that_the_map_has_already_is_said_at_the_end(

@@ -95,6 +95,8 @@ class Revision:
         drive: name of the recording; empty for edits.
         changes: of objects; may be empty.
         follows_loss: whether revisions right before this one are lost.
+        begins: whether it is the first one of a map, though its version is later, as that of a
+            live node which has saved several times.
     """
 
     version: int
@@ -103,11 +105,12 @@ class Revision:
     drive: str
     changes: tuple[Change, ...]
     follows_loss: bool = False
+    begins: bool = False
 
     @property
     def is_beginning(self) -> bool:
         """Whether it is the first one of a map made by mapping."""
-        return self.version == 1 and self.cause == "mapping"
+        return (self.version == 1 or self.begins) and self.cause == "mapping"
 
     def worth_showing(self) -> list[Change]:
         """Return the changes that people are shown: without doubtful ones, but for the first."""

@@ -184,6 +184,7 @@ def dump_revision(revision: Revision) -> bytes:
         "time": None if revision.time is None else _clock(revision.time),
         "cause": revision.cause,
         "drive": revision.drive,
+        **({"begins": True} if revision.begins and revision.version != 1 else {}),
         "changes": [_dumped(change) for change in revision.changes],
     }
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -212,6 +213,7 @@ def parse_revision(line: bytes) -> Revision:
         cause=cause,
         drive=str(document["drive"]),
         changes=tuple(map(_parsed, document["changes"])),
+        begins=document.get("begins") is True,
     )
 
 

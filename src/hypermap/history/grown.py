@@ -83,7 +83,8 @@ def grown(hypermap: Hypermap, now: float) -> Hypermap:
     other = copy.copy(hypermap)
     other.metadata[MAP_VERSION] = max(version_of(hypermap), history.version + 1)
     drive = "" if mapped is None else mapped.drive
-    revision = Revision(version_of(other), time, cause, drive, tuple(changes))
+    begins = mapped is not None and not (history.earlier or history.added or history.layers)
+    revision = Revision(version_of(other), time, cause, drive, tuple(changes), begins=begins)
     other.history = begun(other, replace(history, added=(*history.added, revision)))
     return other
 

@@ -42,6 +42,7 @@ class Saving:
         self._directory = settings.map_directory
         self._every = settings.save_every
         self._saved_state = live_map.state
+        self._saved = ""  # what was saved there last, for the log
         self._lock = threading.Lock()
         self._ends = threading.Event()
         # The wall's clock: that of a simulator or a bag may stand still.
@@ -95,6 +96,8 @@ class Saving:
         elif self._map.state != self._saved_state:
             with or_elsewhere(self._path.name, self._map.hypermap):
                 self._save(self._path)
+        else:
+            self._port.log("info", f"all is saved in {self._path}{self._saved}")
 
     def _work(self) -> None:
         assert self._path is not None
@@ -127,6 +130,8 @@ class Saving:
                 self._saved_state = state
         layer = layer_of_objects(hypermap)
         objects = counted(0 if layer is None else len(layer), "object")
+        if path == self._path:
+            self._saved = f": {objects}"
         self._port.log(level, f"saved {objects} to {path}")
 
     def _after_others(self, path: Path) -> Path:
