@@ -112,6 +112,16 @@ def test_depth_in_another_unit_is_reported(factor: float) -> None:
     assert float(measured.split()[-1]) == pytest.approx(1 / factor, rel=0.1)
 
 
+def test_a_unit_that_is_uncertain_is_not_said_to_be_right() -> None:
+    preflight = Preflight()
+    for frame in room():
+        preflight.add(dataclasses.replace(frame, depth=frame.depth * np.float32(2)))
+    [found] = (finding for finding in preflight.findings() if finding.check == "scale")
+    assert not found.is_wrong
+    assert "unclear whether depth and poses are in the same unit" in found.measured
+    assert "all depth is multiplied by 0.49, but" in found.measured
+
+
 def test_poses_in_millimeters_are_reported() -> None:
     def in_millimeters(pose: np.ndarray) -> np.ndarray:
         return np.vstack([np.hstack([pose[:3, :3], 1000 * pose[:3, 3:]]), pose[3:]])
@@ -157,7 +167,7 @@ def test_a_camera_that_hangs_upside_down_without_its_pose_saying_so_is_reported(
     ]  # the images are upside down, and the pose is that of an upright camera
     found = wrong(frames)["upright"]
     assert "rotated by 180 degrees" in found.measured
-    assert "tf" in found.remedy
+    assert found.remedy.endswith("correct its poses, in a bag those in tf")
 
 
 # What other programs write for the pose of a camera, written down independently of the product.

@@ -184,8 +184,15 @@ class Preflight:
         fit = self._consistency.depth_scale()
         if fit is None:
             return None
-        if not fit.is_sure or abs(math.log(fit.value)) < _LEAST_SCALE:
+        if abs(math.log(fit.value)) < _LEAST_SCALE:
             return Finding("scale", "depth and poses are in the same unit")
+        if not fit.is_sure:
+            return Finding(
+                "scale",
+                "it is unclear whether depth and poses are in the same unit: images agree best "
+                f"if all depth is multiplied by {fit.value:.2g}, but poses that drift may be the "
+                "cause",
+            )
         return Finding(
             "scale",
             f"depth images agree with each other if all depth is multiplied by {fit.value:.2g}",
@@ -227,7 +234,8 @@ class Preflight:
                 f"{why} only if the camera is rotated by {turn or 180} degrees about its "
                 "optical axis",
                 "objects are mapped in different places from each image",
-                "if the camera is mounted upside down or on its side, correct its pose in tf"
+                "if the camera is mounted upside down or on its side, correct its poses, in a bag "
+                "those in tf"
                 + ("" if turn else "; or give --pose-convention mirrored (ICL-NUIM), or another"),
             )
         turned = 180 if -down < _UPSIDE_DOWN else 270 if right > _SIDEWAYS else 0
