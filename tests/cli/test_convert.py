@@ -9,6 +9,7 @@ import pytest
 import yaml
 from PIL import Image
 
+from hypermap.core.errors import NOT_UTF8
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
@@ -82,6 +83,18 @@ def test_a_grid_goes_to_map_server_and_back(hypermap, room_map, tmp_path):
 def test_objects_that_could_not_be_read_are_named_as_left_out(hypermap, shared_data, tmp_path):
     result = hypermap("convert", shared_data / "maps" / "office.hmap", tmp_path / "x.geojson")
     assert "left out: 1 object that could not be read" in result.err
+
+
+def test_names_in_another_encoding_are_not_guessed(hypermap, room_map, tmp_path):
+    out, latin = tmp_path / "objects.geojson", tmp_path / "latin.geojson"
+    assert hypermap("convert", room_map, out).code == 0
+    text = out.read_text().replace("potted plant", "Büropflanze")
+    latin.write_bytes(text.encode("latin-1"))
+    assert_one_error(hypermap("convert", latin, tmp_path / "x.hmap"), f"{latin}: {NOT_UTF8}")
+    latin.write_text(text, encoding="utf-8-sig")
+    assert hypermap("convert", latin, tmp_path / "x.hmap").code == 0
+    [layer] = open_map(tmp_path / "x.hmap").layers
+    assert "Büropflanze" in [item.name for item in layer.objects()]
 
 
 @pytest.mark.parametrize(

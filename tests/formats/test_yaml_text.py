@@ -62,7 +62,7 @@ LAUGHS = b"a: &a [x,x,x,x,x,x,x,x,x,x]\n" + b"".join(
         (b"{a: 1", "f: is not valid YAML: "),
         (b"a: 'x", "f: is not valid YAML: found unexpected end of stream"),
         (b"\x00\x01", "f: is not valid YAML: "),
-        (b"a: \xff", "f: is not valid YAML: "),
+        (b"a: \xff", "f: is not text in UTF-8; if it is text, save it in this encoding"),
         (b"--- 1\n--- 2", "f: line 2: a second document begins; one is expected"),
         (b"? [1, 2]\n: 3", "f: line 1: a key must be a single word or number"),
         (b"a: *b", "f: line 1: the alias *b has no finished anchor"),

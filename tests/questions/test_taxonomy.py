@@ -133,6 +133,7 @@ def test_a_file_of_the_user_adds_and_replaces(tmp_path: Path) -> None:
     [
         ("- cup", "expected names of things"),
         ("cup: [1", "not a taxonomy"),
+        ("cup: {also: [Höcker]}", r"wrong\.yaml: is not text in UTF-8"),
         ("cup: {was: mug}", "cup: expected a mapping with `is`, `also`, `plural` and `includes`"),
         ("cup: {also: mug}", "cup: `also` is a list of names"),
         ("cup: {includes: [1]}", "cup: `includes` is a list of names"),
@@ -144,7 +145,7 @@ def test_a_file_of_the_user_adds_and_replaces(tmp_path: Path) -> None:
 )
 def test_a_wrong_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "wrong.yaml"
-    file.write_text(text)
+    file.write_text(text, encoding="latin-1")
     with pytest.raises(FormatError, match=message):
         load_taxonomy(file)
 

@@ -180,7 +180,8 @@ def test_depth_and_poses_that_do_not_overlap_name_both_times(tmp_path: Path) -> 
         add_images(bag, SHOTS[0])
     assert open_recording(bag.path).info().missing == (
         "no frame has a pose: depth images reach from 1600000000.250 to 1600000000.250 s, poses "
-        "from 5.000 to 7.000 s; gaps of up to 1 s between poses are bridged (--max-pose-gap)",
+        "from 5.000 to 7.000 s; if their clocks differ by a few seconds, give --time-offset; by "
+        "more, convert the stamps of the poses",
     )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
 from hypermap.core.moving_frames import FixedPose
-from hypermap.core.trajectory import Trajectory, pose_from_rpy
+from hypermap.core.trajectory import Trajectory, pose_from_rpy, trajectory_of
 from hypermap.recordings import RecordingOptions
 from hypermap.recordings.pairing import associate, plan_frames
 
@@ -86,6 +86,12 @@ def test_the_pose_of_the_world_in_the_map_comes_first() -> None:
     assert plan.map_T_camera[0, :3, 3] == pytest.approx([2, -3, -3])
 
 
+def test_all_images_in_gaps_between_poses_are_an_error() -> None:
+    drive_with_a_gap = trajectory_of(np.array([0.0, 9.0]), np.array([np.eye(4)] * 2), 1.0)
+    with pytest.raises(FormatError, match=r"gaps of up to 1 s .* bridged \(--max-pose-gap\)$"):
+        plan_frames(np.array([4.0]), None, drive_with_a_gap, (0.0, 9.0), RecordingOptions())
+
+
 @pytest.mark.parametrize(
     ("depth", "color", "message"),
     [
@@ -107,7 +113,8 @@ def test_the_pose_of_the_world_in_the_map_comes_first() -> None:
             [9.0, 10.0],
             [9.0, 10.0],
             "no frame has a pose: depth images reach from 9.000 to 10.000 s, poses from 0.500 to "
-            "3.500 s; gaps of up to 1 s between poses are bridged (--max-pose-gap)",
+            "3.500 s; if their clocks differ by a few seconds, give --time-offset; by more, "
+            "convert the stamps of the poses",
         ),
     ],
 )

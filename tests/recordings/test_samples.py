@@ -132,9 +132,10 @@ def test_what_is_no_table_is_refused(tmp_path):
     path = tmp_path / "samples.csv"
     with pytest.raises(FileMissing):
         read_table(path)
-    path.write_bytes(b"\xff\xfe\x00x")
-    with pytest.raises(FormatError, match="not a text file"):
-        read_table(path)
+    for encoding in ("latin-1", "utf-16"):
+        path.write_text("x,y,°C\n1,2,20.5\n", encoding=encoding)
+        with pytest.raises(FormatError, match=r"samples\.csv: is not text in UTF-8; if it is text"):
+            read_table(path, "°C")
 
 
 # Bags

@@ -358,13 +358,17 @@ NO_POSES = (
     "{}/groundtruth.txt: there is no such file, and so no camera poses; SLAM estimates them: copy "
     "its trajectory here under this name, such as CameraTrajectory.txt of ORB-SLAM"
 )
+NO_DEPTH = (
+    "{}/depth.txt: there is no such list, and so no depth images, without which nothing can be "
+    "mapped; write one if there are any: in each line a stamp and the image's name"
+)
 D0, C0 = "1600000000.250000000", "1600000000.254000000"
 
 
 @pytest.mark.parametrize(
     ("change", "kind", "message"),
     [
-        (remove("depth.txt"), FileMissing, "{}/depth.txt: there is no such file"),
+        (remove("depth.txt"), FileMissing, NO_DEPTH),
         (remove("groundtruth.txt"), FileMissing, NO_POSES),
         (
             remove("depth/*"),
@@ -380,7 +384,7 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
         (
             content_of("rgb.txt", b"\xff\xfe\x00"),
             FormatError,
-            "{}/rgb.txt: this is not a text file",
+            "{}/rgb.txt: is not text in UTF-8; if it is text, save it in this encoding",
         ),
         (
             content_of("groundtruth.txt", b"\n"),
@@ -427,8 +431,8 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
             content_of("groundtruth.txt", b"5 1 2 3 0 0 0 1\n6 1 2 3 0 0 0 1\n"),
             FormatError,
             "{}: no frame has a pose: depth images reach from 1600000000.250 to 1600000000.550 s, "
-            "poses from 5.000 to 6.000 s; gaps of up to 1 s between poses are bridged "
-            "(--max-pose-gap)",
+            "poses from 5.000 to 6.000 s; if their clocks differ by a few seconds, give "
+            "--time-offset; by more, convert the stamps of the poses",
         ),
         (
             picture_of("depth/*", np.zeros((24, 32), np.uint8)),

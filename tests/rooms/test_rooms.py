@@ -157,11 +157,12 @@ def test_what_speaks_for_two_kinds_alike_is_not_sure():
         ("kitchen: {sink: much}", "kitchen.sink: 'much' is not a number of at least 0"),
         ("kitchen: {sink: -1}", "kitchen.sink: -1 is not a number of at least 0"),
         ("kitchen: {", "this is not a readable YAML file"),
+        ("Küche: {sink: 1}", r"kinds\.yaml: is not text in UTF-8"),
     ],
 )
 def test_a_table_that_is_none_is_an_error(tmp_path, text, reason):
     file = tmp_path / "kinds.yaml"
-    file.write_text(text)
+    file.write_text(text, encoding="latin-1")
     with pytest.raises(FormatError, match=reason) as raised:
         load_kinds(file)
     assert str(file) in str(raised.value)

@@ -7,6 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+# Of text in any other encoding, letters would be guessed.
+NOT_UTF8 = "is not text in UTF-8; if it is text, save it in this encoding"
+
 
 class HypermapError(Exception):
     """Base class of every error that a user can cause and fix."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.errors import NOT_UTF8, FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.layer_stack import DEFAULT_FRAME
@@ -61,7 +61,10 @@ def _only_layer(path: Path, frame_id: str | None) -> Layer | None:
     if content.startswith(MAGIC):
         return layer_of_parquet(content, str(path), frame_id)
     if path.suffix.lower() in JSON_ENDINGS:
-        text = content.decode(errors="replace")
+        try:
+            text = content.decode()
+        except UnicodeDecodeError:
+            raise FormatError(NOT_UTF8, path=path) from None
         return from_geojson(text, frame_id=frame_id, path=str(path))
     if path.suffix.lower() != ".hmap" and not content.startswith(_ZIP):
         document, frame = read_yaml(content, str(path)), frame_id or DEFAULT_FRAME

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from yaml.constructor import SafeConstructor
 
-from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.errors import NOT_UTF8, FormatError, HypermapError
 from hypermap.formats import limits
 from hypermap.formats.letters import check_savable
 
@@ -61,6 +61,8 @@ def read_yaml(content: bytes, path: str, text_at: Collection[tuple[str, ...]] = 
         return _Reader(loader, path, frozenset(text_at)).document()
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
+        if isinstance(error, yaml.reader.ReaderError) and not _is_utf8(content):
+            raise FormatError(NOT_UTF8, path=path) from None
         if mark is not None and "nesting depth" in str(error):  # libyaml from 0.2.6 on has a limit
             raise FormatError(_TOO_DEEP, path=path, key=f"line {mark.line + 1}") from error
         raise FormatError(f"is not valid YAML: {_one_line(error)}", path=path) from error
@@ -269,6 +271,14 @@ def _scalar_value(text: str, tag: str) -> Any:
         return _SCALARS[tag](yaml.ScalarNode(tag, text))
     except (ValueError, OverflowError, LookupError, AttributeError, yaml.YAMLError):
         raise ValueError(f"{text[:40]!r} is not a valid {tag.removeprefix(_TAG)}") from None
+
+
+def _is_utf8(content: bytes) -> bool:
+    try:
+        content.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _one_line(error: yaml.YAMLError) -> str:

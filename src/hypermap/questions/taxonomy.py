@@ -8,7 +8,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.errors import NOT_UTF8, FileMissing, FormatError
 from hypermap.simple_yaml import parse_simple_yaml
 
 OURS = Path(__file__).with_name("taxonomy.yaml")
@@ -123,6 +123,8 @@ def _entries(path: Path) -> dict[str, dict[str, Any]]:
         parsed = parse_simple_yaml(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise FileMissing(f"{path}: no such file") from None
+    except UnicodeDecodeError:
+        raise FormatError(NOT_UTF8, path=path) from None
     except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise FormatError(f"{path}: not a taxonomy: {reason}") from None

@@ -72,10 +72,16 @@ def plan_frames(
     stamps = depth_stamps[depth] + options.time_offset
     known = world_T_camera.covers(stamps)
     if not known.any():
+        meet = stamps.min() <= pose_span[1] and pose_span[0] <= stamps.max()
+        why = (
+            f"gaps of up to {options.max_pose_gap:g} s between poses are bridged (--max-pose-gap)"
+            if meet
+            else "if their clocks differ by a few seconds, give --time-offset; by more, convert "
+            "the stamps of the poses"
+        )
         raise FormatError(
             f"no frame has a pose: depth images reach {_span(stamps)}, poses "
-            f"{_span(np.array(pose_span))}; gaps of up to {options.max_pose_gap:g} s between "
-            "poses are bridged (--max-pose-gap)"
+            f"{_span(np.array(pose_span))}; {why}"
         )
     if not known.all():
         notes.append(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.errors import NOT_UTF8, FileMissing, FormatError
 
 MAX_BYTES = 256 * 2**20  # ten hours of poses at 100 Hz
 
@@ -34,7 +34,7 @@ def read_lines(path: Path) -> Iterator[tuple[str, str]]:
                 if text and not text.startswith("#"):
                     yield f"line {number}", text
         except UnicodeDecodeError:
-            raise FormatError("this is not a text file", path=path) from None
+            raise FormatError(NOT_UTF8, path=path) from None
 
 
 def read_header(path: Path) -> list[str]:

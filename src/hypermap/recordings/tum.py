@@ -128,7 +128,13 @@ class TumRecording(ImageFolder):
     def _depth(self) -> ImageList:
         if self._associations is not None:
             return self._associations[0]
-        return read_image_list(self._path / "depth.txt")
+        path = self._path / "depth.txt"
+        if not path.is_file():
+            raise FileMissing(
+                f"{path}: there is no such list, and so no depth images, without which nothing can "
+                "be mapped; write one if there are any: in each line a stamp and the image's name"
+            )
+        return read_image_list(path)
 
     @cached_property
     def _color(self) -> ImageList | None:

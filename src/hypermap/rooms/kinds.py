@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import FloatArray, IntArray, ObjectArray, as_objects
-from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.errors import NOT_UTF8, FileMissing, FormatError
 from hypermap.core.semantic import SemanticObject
 from hypermap.rooms.rooms import Room, Rooms
 from hypermap.simple_yaml import parse_simple_yaml
@@ -79,6 +79,8 @@ def load_kinds(path: str | Path = OURS) -> Kinds:
         parsed = parse_simple_yaml(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise FileMissing(f"{path}: there is no such file") from None
+    except UnicodeDecodeError:
+        raise FormatError(NOT_UTF8, path=path) from None
     except (OSError, ValueError) as error:
         said = " ".join(str(error).split())
         raise FormatError(f"this is not a readable YAML file ({said})", path=path) from None

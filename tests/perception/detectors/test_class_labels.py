@@ -57,8 +57,7 @@ def test_labels_are_read_from(file_name: str, text: str, tmp_path: Path) -> None
         (
             "labels.txt",
             b"\xff\xd8\xff\xe0",
-            "not a file of labels: 'utf-8' codec can't decode byte 0xff in position 0: "
-            "invalid start byte",
+            "is not text in UTF-8; if it is text, save it in this encoding",
         ),
         (
             "labels.yaml",

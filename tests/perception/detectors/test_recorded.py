@@ -226,7 +226,7 @@ def test_a_bad_file_is_one_clear_error(content: Any, expected: str, tmp_path: Pa
 def test_another_kind_of_file_is_an_error(tmp_path: Path) -> None:
     path = tmp_path / "picture.json"
     path.write_bytes(b"\x89PNG\r\n\x1a\n\xff\xfe")
-    with pytest.raises(FormatError, match=r"picture\.json: Invalid JSON: "):
+    with pytest.raises(FormatError, match=r"picture\.json: is not text in UTF-8; "):
         RecordedDetections.load(path)
 
 

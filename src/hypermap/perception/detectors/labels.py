@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.errors import NOT_UTF8, FileMissing, FormatError
 from hypermap.simple_yaml import parse_simple_yaml
 
 MAX_BYTES = 1_000_000  # Objects365 and LVIS need some 30 kB
@@ -49,6 +49,8 @@ def read_labels(path: str | Path) -> tuple[str, ...]:
             return _as_names(text.rstrip().split("\n"))
         content = json.loads(text) if path.suffix.lower() == ".json" else parse_simple_yaml(text)
         return _as_names(content["names"] if _has_names(content) else content)
+    except UnicodeDecodeError:
+        raise FormatError(NOT_UTF8, path=path) from None
     except (ValueError, RecursionError) as error:
         reason = str(error).replace("\n", " ")
         raise FormatError(f"not a file of labels: {reason}", path=path) from error

@@ -12,7 +12,6 @@ mask, in COCO's uncompressed or compressed form, may be left out.
 
 from __future__ import annotations
 
-import codecs
 import logging
 import math
 from bisect import bisect_left, insort
@@ -30,7 +29,7 @@ from pydantic import (
     model_validator,
 )
 
-from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.errors import NOT_UTF8, FileMissing, FormatError
 from hypermap.core.outside import write_file
 from hypermap.core.stamps import in_seconds
 from hypermap.perception.detections import Detections
@@ -127,8 +126,10 @@ class RecordedDetections:
         if path.stat().st_size > MAX_BYTES:
             raise FormatError(f"detections take at most {MAX_BYTES} bytes", path=path)
         try:
-            text = path.read_bytes().removeprefix(codecs.BOM_UTF8)
+            text = path.read_text(encoding="utf-8-sig")
             content = _File.model_validate_json(text)
+        except UnicodeDecodeError:
+            raise FormatError(NOT_UTF8, path=path) from None
         except ValidationError as error:
             first = error.errors()[0]
             raise FormatError(_problem(first), path=path, key=_key_of(first["loc"])) from error

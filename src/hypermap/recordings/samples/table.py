@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hypermap.core.errors import FileMissing, FormatError, did_you_mean
+from hypermap.core.errors import NOT_UTF8, FileMissing, FormatError, did_you_mean
 from hypermap.core.iso_times import time_from_iso
 from hypermap.core.moving_frames import Motion
 from hypermap.core.stamps import in_seconds
@@ -64,7 +64,7 @@ def read_table(
             wanted = _columns(names, field or VALUE, path, motion is not None)
             columns = _read(rows, names, wanted, path, has_commas=delimiter == ";")
         except UnicodeDecodeError:
-            raise FormatError("this is not a text file", path=path) from None
+            raise FormatError(NOT_UTF8, path=path) from None
         except csv.Error as error:
             raise FormatError(f"is not a CSV file: {error}", path=path) from None
     if not len(columns[0]):
