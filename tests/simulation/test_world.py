@@ -148,6 +148,22 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
             "w.yaml: objects[1]: the cup at (3, 2) hangs in the air",
         ),
         (
+            BASE + "walls: [{line: [[0, 1], [4, 1]], doors: [{at: [1, 1], width: 0.8}]}]\n"
+            "drive: {waypoints: [[2, 0.5], [1, 0.5], [1, 2], [2, 2], [2, 0.5, 90]]}",
+            "w.yaml: drive.waypoints[4]: on its way to (2, 0.5), the camera passes through a wall; "
+            "add a waypoint before, or move this one",
+        ),
+        (
+            BASE + "objects: [{model: cupboard, at: [2, 2]}, {model: bin, at: [1, 1]}]\n"
+            "drive: {waypoints: [[1, 0.3], [1, 2], [2, 2]]}",
+            "w.yaml: drive.waypoints[2]: on its way to (2, 2), the camera passes through the "
+            "cupboard at (2, 2)",
+        ),
+        (
+            BASE + "objects: [{model: cupboard, at: [2, 2]}]\ndrive: {waypoints: [[2, 2]]}",
+            "w.yaml: drive.waypoints[0]: on its way to (2, 2), the camera passes through",
+        ),
+        (
             BASE + "walls: [{line: [[0, 1], [4, 1]]}]\nobjects: [{model: bin, at: [2, 1.02]}]",
             "w.yaml: objects[0]: the bin at (2, 1.02) stands in a wall; move it away from there",
         ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -130,6 +131,27 @@ def off_floor(world: World) -> list[int]:
         for i, body in enumerate(bodies_of(world))
         if body.bottom <= _GAP and not body.outline.intersects(floor)
     ]
+
+
+def blocked(world: World) -> tuple[int, int | None] | None:
+    """Return where walls or things are first in the camera's way; None if they never are.
+
+    Returns:
+        The number of the waypoint to which the way leads, and that of the thing; None for a wall.
+    """
+    if world.drive is None:
+        return None
+    places = [point[:2] for point in world.drive.waypoints]
+    legs = [shapely.LineString(ends) for ends in zip([places[0], *places], places, strict=False)]
+    height = world.drive.camera_height
+    found = []
+    for i, body in [*enumerate(bodies_of(world)), *((None, wall) for wall in walls_of(world))]:
+        for solid in body.solids:
+            if solid.bottom < height < solid.top:
+                inside = solid.outline.buffer(-_TOUCH)
+                hit = np.flatnonzero(shapely.intersects(inside, legs))
+                found += [(int(hit[0]), i)] if len(hit) else []
+    return min(found, key=lambda one: one[0], default=None)
 
 
 def floor_of(world: World) -> BaseGeometry:

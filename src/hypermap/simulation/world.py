@@ -268,8 +268,8 @@ def load_world(path: str | Path) -> World:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is not a world, or its objects intersect each other or walls, float
-            in the air, or are beside the floor.
+        FormatError: If it is not a world, its objects intersect each other or walls, float in
+            the air, or are beside the floor, or the camera passes through a wall or an object.
     """
     path = Path(path)
     if not path.is_file():
@@ -287,8 +287,9 @@ def load_world(path: str | Path) -> World:
 
 
 def _check_standing(world: World, path: Path) -> None:
-    """Raise a FormatError if objects intersect each other or walls, or stand on nothing."""
-    from hypermap.simulation.standing import bases, in_walls, off_floor, overlaps  # know worlds
+    """Raise a FormatError if what is said of places cannot be."""
+    # They know worlds.
+    from hypermap.simulation.standing import bases, blocked, in_walls, off_floor, overlaps
 
     def named(i: int) -> str:
         return f"the {world.objects[i].label} at {_place(world.objects[i].place)}"
@@ -309,6 +310,13 @@ def _check_standing(world: World, path: Path) -> None:
                 "below it, and no wall is next to it; set its z to the height of what it stands on"
             )
             raise FormatError(message, path=path, key=f"objects[{i}]")
+    if world.drive is not None and (obstacle := blocked(world)) is not None:
+        number, thing = obstacle
+        x, y, *_ = world.drive.waypoints[number]
+        through = "a wall" if thing is None else named(thing)
+        message = f"on its way to {_place((x, y))}, the camera passes through {through}; add a "
+        message += "waypoint before, or move this one"
+        raise FormatError(message, path=path, key=f"drive.waypoints[{number}]")
 
 
 def _first_problem(error: ValidationError) -> tuple[str | None, str]:
