@@ -1,4 +1,4 @@
-"""Bags of every kind."""
+"""Bags of every kind, and a folder of images."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from .bag_builder import KINDS, BagBuilder
+from .shots import SHOTS, write_tum
 
 collect_ignore = ["ros_player.py"]  # a program for ROS's Python, which doctest would import
 
@@ -19,3 +20,8 @@ def kind(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def bag(tmp_path: Path, kind: str) -> BagBuilder:
     return BagBuilder(tmp_path, kind)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_tum(tmp_path / "recording", SHOTS)
