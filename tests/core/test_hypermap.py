@@ -183,11 +183,11 @@ def test_two_layers_cannot_have_one_name() -> None:
 
 AREA = shapely.box(0, 0, 1, 1)
 QUESTIONS: dict[str, Any] = {
-    "label_at": lambda m, layer, frame: m.label_at(layer, [0, 0], frame),
-    "value_at": lambda m, layer, frame: m.value_at(layer, [0, 0], frame),
-    "labels_in": lambda m, layer, frame: m.labels_in(layer, AREA, frame),
-    "values_in": lambda m, layer, frame: m.values_in(layer, AREA, frame),
-    "find": lambda m, layer, frame: m.find(layer, "chair", AREA, frame),
+    "label_at": lambda m, layer, frame: m.label_at(layer=layer, points_xy=[0, 0], frame_id=frame),
+    "value_at": lambda m, layer, frame: m.value_at(layer=layer, points_xy=[0, 0], frame_id=frame),
+    "labels_in": lambda m, layer, frame: m.labels_in(layer=layer, area=AREA, frame_id=frame),
+    "values_in": lambda m, layer, frame: m.values_in(layer=layer, area=AREA, frame_id=frame),
+    "find": lambda m, layer, frame: m.find(layer=layer, what="chair", area=AREA, frame_id=frame),
     "nearest": lambda m, layer, frame: m.nearest("chair", [0, 0], layer=layer, frame_id=frame),
 }
 

@@ -95,36 +95,36 @@ class Hypermap(LayerStack, OutsideMethods):
     # Queries to one layer
 
     def label_at(
-        self, layer_name: str, points_xy: PointsLike, frame_id: str | None = None
+        self, layer: str, points_xy: PointsLike, frame_id: str | None = None
     ) -> ObjectArray:
         """Return a layer's label at each point, shape (N,).
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
         """
-        layer = self[layer_name]
-        return layer.label_at(self._points(points_xy, layer, frame_id))
+        asked = self[layer]
+        return asked.label_at(self._points(points_xy, asked, frame_id))
 
     def value_at(
-        self, layer_name: str, points_xy: PointsLike, frame_id: str | None = None
+        self, layer: str, points_xy: PointsLike, frame_id: str | None = None
     ) -> NDArray[Any]:
         """Return a layer's value at each point, shape (N,); raises like `label_at`."""
-        layer = self[layer_name]
-        return layer.value_at(self._points(points_xy, layer, frame_id))
+        asked = self[layer]
+        return asked.value_at(self._points(points_xy, asked, frame_id))
 
-    def labels_in(self, layer_name: str, area: BaseGeometry, frame_id: str | None = None) -> Hits:
+    def labels_in(self, layer: str, area: BaseGeometry, frame_id: str | None = None) -> Hits:
         """Return every hit of a layer in an area, as labels; raises like `label_at`."""
-        layer = self[layer_name]
-        return self._in_base_frame(layer, layer.labels_in(self._area(area, layer, frame_id)))
+        asked = self[layer]
+        return self._in_base_frame(asked, asked.labels_in(self._area(area, asked, frame_id)))
 
-    def values_in(self, layer_name: str, area: BaseGeometry, frame_id: str | None = None) -> Hits:
+    def values_in(self, layer: str, area: BaseGeometry, frame_id: str | None = None) -> Hits:
         """Return every hit of a layer in an area, as values; raises like `label_at`."""
-        layer = self[layer_name]
-        return self._in_base_frame(layer, layer.values_in(self._area(area, layer, frame_id)))
+        asked = self[layer]
+        return self._in_base_frame(asked, asked.values_in(self._area(area, asked, frame_id)))
 
     def find(
         self,
-        layer_name: str,
+        layer: str,
         what: str | float,
         area: BaseGeometry | None = None,
         frame_id: str | None = None,
@@ -134,19 +134,19 @@ class Hypermap(LayerStack, OutsideMethods):
         Raises:
             LayerNotFound, FrameError: If the layer or the area's frame is unknown.
         """
-        layer = self[layer_name]
-        in_layer = None if area is None else self._area(area, layer, frame_id)
-        return self._pose_of(layer).apply(layer.find(what, in_layer))
+        asked = self[layer]
+        in_layer = None if area is None else self._area(area, asked, frame_id)
+        return self._pose_of(asked).apply(asked.find(what, in_layer))
 
     def labels_at(
-        self, layer_name: str, point_xy: PointsLike, frame_id: str | None = None
+        self, layer: str, point_xy: PointsLike, frame_id: str | None = None
     ) -> ObjectArray:
         """Return all labels of a layer at one point, shape (M,); raises like `label_at`.
 
         The first is the label of `label_at`: the smallest of stacked objects.
         """
-        layer = self[layer_name]
-        return layer.labels_at(self._points(point_xy, layer, frame_id))
+        asked = self[layer]
+        return asked.labels_at(self._points(point_xy, asked, frame_id))
 
     # Queries across layers
 

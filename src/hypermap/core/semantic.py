@@ -189,7 +189,7 @@ class SemanticLayer(Layer):
         return [now.object(row) for row in now.rows.tolist()]
 
     def get(self, object_id: int) -> SemanticObject:
-        """Return the object with that id.
+        """Return the object with that id; `layer[object_id]` is the same.
 
         Raises:
             ObjectNotFound: If there is none.
