@@ -170,20 +170,25 @@ class Mapper:
             grids = (layer for layer in hypermap if isinstance(layer, OccupancyLayer))
             occupancy = next(grids, OccupancyLayer(_OCCUPANCY, hypermap.base_frame))
         mapper = cls(own_config, source, occupancy, hypermap.base_frame, drive)
-        mapper._has_objects = mapper._has_objects or layer_of_objects(hypermap) is not None
-        mapper.evidence.go_on_with(state.tracks, edits_of(hypermap, state, own_config.evidence))
-        published = {item.id for item in state.published}
-        mapper.evidence.left_out = {n for n, *_ in mapper.evidence.summary()} - published
-        mapper._intake.go_on_after(state.drives, state.keyframe, state.counts)
-        if state.log_odds is not None:
-            mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
-        if mapper._aligner is not None and state.alignment is not None:
-            mapper._aligner.go_on_with(*state.alignment)
-        mapper._base, mapper._shifts = hypermap, Shifts(hypermap.history)
-        mapper._frame_log = FrameLog(state.log)
-        if state.drives and state.drives[-1].name != drive:
-            mapper._frame_log.end_drive()
+        mapper._go_on_with(hypermap, state)
         return mapper
+
+    def _go_on_with(self, hypermap: Hypermap, state: MapperState) -> None:
+        """Begin with a map and the state in which mapping left it."""
+        self._base, self._shifts = hypermap, Shifts(hypermap.history)
+        self._has_objects = self._has_objects or layer_of_objects(hypermap) is not None
+        edits = edits_of(hypermap, state, self.config.evidence)
+        self.evidence.go_on_with(state.tracks, edits)
+        published = {item.id for item in state.published}
+        self.evidence.left_out = {n for n, *_ in self.evidence.summary()} - published
+        self._intake.go_on_after(state.drives, state.keyframe, state.counts)
+        if state.log_odds is not None:
+            self._occupancy.go_on_with(state.first_cell, state.log_odds)
+        if self._aligner is not None and state.alignment is not None:
+            self._aligner.go_on_with(*state.alignment)
+        self._frame_log = FrameLog(state.log)
+        if state.drives and state.drives[-1].name != self._intake.drive.name:
+            self._frame_log.end_drive()
 
     def go_on_in(self, hypermap: Hypermap, log: FrameLog) -> None:
         """Keep the other layers, transforms, metadata and history of another map from now on.
