@@ -160,7 +160,7 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
         for asked in answer.rooms[:_MOST]:
             if asked is not None:
                 yield f"{printable(asked.name)} (id {asked.id}): {size_of(asked.outline)}"
-    elif answer.query.rooms:
+    elif query.rooms:
         yield from map(_title, answer.rooms[:_MOST] if give != "count" else ())
     elif give == "room":
         pairs = zip(answer.first(_MOST), answer.rooms, strict=False)
@@ -168,19 +168,24 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
     elif give in ("places", "value"):
         yield from map(_cell_line, answer.cells[:_MOST])
     elif give != "count":
-        found = answer.first(_MOST)
-        rooms = rooms_of_objects(hypermap, found)
-        is_timed = give == "last_seen" or bool(answer.query.when)
-        measured = [f", {one['label']}" for one in answer.measured] or [""] * len(found)
-        for item, room, value in zip(found, rooms, measured, strict=False):
-            seen = item.object.last_seen if is_timed else None
-            is_seen = "" if seen is None else f", last seen {time_of(seen)}"
-            size = f": {size_of_object(item.object)}" if give == "size" else ""
-            yield f"{_line(item, room)}{value}{is_seen}{size}"
+        yield from _object_lines(hypermap, answer)
     shown = len(answer.rooms) if query.counts_each_room else answer.count
     if shown > _MOST and (give != "count" or query.per is not None):
         yield f"and {shown - _MOST} more; --json lists all"
     yield from (printable(note, _LONGEST_NOTE) for note in answer.notes)
+
+
+def _object_lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
+    """Yield a line for each object, with what was asked about it."""
+    query, found = answer.query, answer.first(_MOST)
+    rooms = rooms_of_objects(hypermap, found)
+    is_timed = query.give == "last_seen" or bool(query.when)
+    measured = [f", {one['label']}" for one in answer.measured] or [""] * len(found)
+    for item, room, value in zip(found, rooms, measured, strict=False):
+        seen = item.object.last_seen if is_timed else None
+        is_seen = "" if seen is None else f", last seen {time_of(seen)}"
+        size = f": {size_of_object(item.object)}" if query.give == "size" else ""
+        yield f"{_line(item, room)}{value}{is_seen}{size}"
 
 
 def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:

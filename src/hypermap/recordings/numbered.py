@@ -177,20 +177,7 @@ class NumberedRecording(ImageFolder):
                 f"{lost} of them without tracking",
                 path=self._path,
             )
-        notes = []
-        if self._files.trajectory is not None and len(poses) != len(depths):
-            notes.append(
-                f"{self._files.trajectory.name} has {counted(len(poses), 'pose')} for "
-                f"{counted(len(depths), 'depth image')}: they are taken as those of the images "
-                f"{min(poses)} to {max(poses)}; if they are of others, the images must be named by "
-                f"the number of their pose, from {min(poses)}"
-            )
-        if self._files.trajectory is not None and are_sorted_as_text(list(poses.values())):
-            notes.append(
-                f"the poses of {self._files.trajectory.name} seem to be in the order 0, 1, 10, 11, "
-                "..., 2 of files sorted as text, so most images have that of another one: sort "
-                "them by number"
-            )
+        notes = [*self._doubts_about_trajectory()]
         if incomplete:
             notes.append(f"left out, without an image or a pose: {counted(incomplete, 'frame')}")
         if broken:
@@ -200,6 +187,24 @@ class NumberedRecording(ImageFolder):
             many = counted(lost, "frame")
             notes.append(f"left out, without a pose (tracking was lost{past}): {many}")
         return tuple(frames[:: self._options.every]), tuple(notes)
+
+    def _doubts_about_trajectory(self) -> Iterator[str]:
+        """Yield why the poses in one file for all images may be those of others."""
+        file, depths, poses = self._files.trajectory, self._files.depth, self._poses
+        if file is None:
+            return
+        if len(poses) != len(depths):
+            yield (
+                f"{file.name} has {counted(len(poses), 'pose')} for "
+                f"{counted(len(depths), 'depth image')}: they are taken as those of the images "
+                f"{min(poses)} to {max(poses)}; if they are of others, the images must be named by "
+                f"the number of their pose, from {min(poses)}"
+            )
+        if are_sorted_as_text(list(poses.values())):
+            yield (
+                f"the poses of {file.name} seem to be in the order 0, 1, 10, 11, ..., 2 of files "
+                "sorted as text, so most images have that of another one: sort them by number"
+            )
 
     @cached_property
     def _poses(self) -> dict[int, NumberedPose]:

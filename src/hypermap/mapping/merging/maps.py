@@ -110,13 +110,7 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
         ),
     )
     occupancy = _occupancy(a, grids, a_T_b)
-    first_cell, log_odds = a.first_cell, a.log_odds
-    if log_odds is not None:
-        other = _log_odds_of(b, grids[1], config)
-        if other is not None:
-            first_cell, log_odds = added_log_odds(
-                first_cell, log_odds, other, a_T_b, config.occupancy
-            )
+    first_cell, log_odds = _added_cells(a, b, grids[1], a_T_b, config)
     state = MapperState(
         tracks=joined.tracks,
         keyframe=None,
@@ -197,6 +191,16 @@ def _occupancy(
     if state.log_odds is not None:
         return grids[0]
     return added_layers(*grids, a_T_b)
+
+
+def _added_cells(
+    a: MapperState, b: MapperState, grid_b: OccupancyLayer, a_T_b: Pose2D, config: MappingConfig
+) -> tuple[NDArray[np.int64], NDArray[np.float32] | None]:
+    """Return the first cell and the log-odds of both maps; no log-odds if the first has none."""
+    other = None if a.log_odds is None else _log_odds_of(b, grid_b, config)
+    if a.log_odds is None or other is None:
+        return a.first_cell, a.log_odds
+    return added_log_odds(a.first_cell, a.log_odds, other, a_T_b, config.occupancy)
 
 
 def _log_odds_of(
