@@ -354,7 +354,7 @@ class Looking:
     # Resources
 
     def summary(self) -> dict[str, Any]:
-        """Return what is in the map: its layers, rooms and classes, and the area that is known."""
+        """Return what is in the map: its layers, rooms and classes."""
         hypermap = self._current()
         layers = [
             {"name": layer.name, "kind": type(layer).__name__, "frame_id": layer.frame_id}
