@@ -230,7 +230,7 @@ class NotesLayer(Layer):
         return Hits(np.array([note.id for note in notes], dtype=np.int64), _places(notes))
 
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
-        """Return where notes have a title or an id; `search` looks for words in them."""
+        """Return where notes have a title or an id, shape (M, 2); `search` looks for words."""
         notes = self.search(area=area)
         is_title = isinstance(what, str)
         return _places([note for note in notes if (note.title if is_title else note.id) == what])
