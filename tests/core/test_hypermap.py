@@ -97,7 +97,11 @@ def test_what_is_no_layer_or_object_is_refused_by_its_type() -> None:
         Hypermap(layer)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="a layer holds SemanticObjects, got str"):
         layer.add([cup, "mug"])  # type: ignore[list-item]
-    assert len(layer) == 1
+    with pytest.raises(TypeError, match="a layer holds SemanticObjects, got str"):
+        layer.update(0, "mug")  # type: ignore[arg-type]
+    assert layer.names.tolist() == ["cup"]
+    with pytest.raises(TypeError, match="'float' object cannot be interpreted as an integer"):
+        Hypermap([layer]).nearest("cup", [0, 0], k=1.5)  # type: ignore[arg-type]
 
 
 def test_a_layer_is_renamed_in_its_place() -> None:
@@ -397,6 +401,7 @@ def test_objects_are_chosen_by_tags_and_the_first_of_them_by_a_limit() -> None:
     hypermap = Hypermap([SemanticLayer("seats", "map", seats)])
     assert ids(hypermap.objects(tags=["chair"])) == [("seats", 0), ("seats", 1), ("seats", 2)]
     assert ids(hypermap.objects(tags=["stool", "chair"])) == [("seats", 0), ("seats", 2)]
+    assert ids(hypermap.objects(tags="stool")) == [("seats", 0), ("seats", 2)]
     assert ids(hypermap.objects(tags=["bench"])) == []
     assert ids(hypermap.objects(tags=["chair"], limit=2)) == [("seats", 0), ("seats", 1)]
     nearest = hypermap.objects(near=[3, 0], tags=["stool"], limit=1)
@@ -520,7 +525,7 @@ def test_a_layer_without_objects_is_not_asked_for_them() -> None:
     for ask in (lab.objects, lambda layer: lab.objects_at([0, 0], layer)):
         with pytest.raises(HypermapError) as caught:
             ask(layer="occupancy")
-        message = "layer 'occupancy' is a OccupancyGridLayer, which has no objects"
+        message = "layer 'occupancy' is of the kind OccupancyLayer, which has no objects"
         assert str(caught.value) == message
 
 

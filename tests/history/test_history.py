@@ -69,6 +69,11 @@ def test_a_text_that_is_not_a_time_is_refused(text: str) -> None:
         as_of(office(), text)
 
 
+def test_who_asks_for_a_version_as_for_a_time_is_told_how() -> None:
+    with pytest.raises(ValueError, match=r"'v12'; for a version: .*at_version\(map, 12\)$"):
+        as_of(office(), "v12")
+
+
 @pytest.mark.parametrize("moment", [None, True, b"2026", [1.7e9]])
 def test_what_cannot_be_a_time_is_refused(moment: Any) -> None:
     with pytest.raises(TypeError, match="expected a datetime, its ISO 8601 form or seconds"):

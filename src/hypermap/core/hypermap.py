@@ -223,7 +223,7 @@ class Hypermap(LayerStack, OutsideMethods):
         within: float | None = None,
         inside: str | BaseGeometry | None = None,
         area: BaseGeometry | None = None,
-        tags: Iterable[str] = (),
+        tags: str | Iterable[str] = (),
         layer: str | None = None,
         limit: int | None = None,
         frame_id: str | None = None,
@@ -239,7 +239,7 @@ class Hypermap(LayerStack, OutsideMethods):
                 object with it, or a room of that kind, such as "kitchen". What is in a room may
                 be in its wall.
             area: an area that their shape intersects.
-            tags: tags that each object has.
+            tags: a tag that each object has, or several, all of which it has.
             layer: only objects of this layer; None for all semantic layers connected to the base
                 frame. Objects named by `near` and `inside` may be in any.
             limit: return at most this many; None for all.
@@ -276,7 +276,7 @@ class Hypermap(LayerStack, OutsideMethods):
         within: float | None = None,
         inside: str | BaseGeometry | None = None,
         area: BaseGeometry | None = None,
-        tags: Iterable[str] = (),
+        tags: str | Iterable[str] = (),
         layer: str | None = None,
         frame_id: str | None = None,
     ) -> Matches:
@@ -296,7 +296,7 @@ class Hypermap(LayerStack, OutsideMethods):
             asked = self._lookup(self.base_frame, frame_id).apply_geometry(as_area(area))
         names = [name] if isinstance(name, str) else None if name is None else list(name)
         chosen = layers.named(names, layer, asked)
-        if wanted := set(tags):
+        if wanted := {tags} if isinstance(tags, str) else set(tags):
             chosen = chosen.take(layers.have_tags(chosen.keys, wanted))
         if inside is not None:
             chosen = chosen.take(self._are_inside(layers, chosen, inside, frame_id))
@@ -321,8 +321,9 @@ class Hypermap(LayerStack, OutsideMethods):
         only = None if layer is None else self[layer]
         if only is not None:
             if not isinstance(only, SemanticLayer):
+                kind = type(only).__name__
                 raise HypermapError(
-                    f"layer {only.name!r} is a {only.class_name}, which has no objects"
+                    f"layer {only.name!r} is of the kind {kind}, which has no objects"
                 )
             place = self._placed(only)
             if not and_others:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -181,6 +182,6 @@ class Layer(ABC):
 
 
 def check_count(k: int) -> None:
-    """Raise a ValueError if `k` is less than 1."""
-    if k < 1:
+    """Raise a ValueError if `k` is less than 1, and a TypeError if it is no integer."""
+    if operator.index(k) < 1:
         raise ValueError(f"k must be at least 1, got {k}")

@@ -261,8 +261,7 @@ class SemanticLayer(Layer):
             return self.add([objects])[0]
         new = list(objects)
         for item in new:
-            if not isinstance(item, SemanticObject):
-                raise TypeError(f"a layer holds SemanticObjects, got {type(item).__name__}")
+            _check_object(item)
         with self._writing:
             now = self._now
             given = [item.id for item in new if item.id is not None]
@@ -292,8 +291,10 @@ class SemanticLayer(Layer):
         Raises:
             ObjectNotFound: If one does not exist; then nothing is changed.
             ValueError: If a new object has another id; then nothing is changed.
+            TypeError: If one is not an object; then nothing is changed.
         """
         for object_id, item in changes.items():
+            _check_object(item)
             if item.id is not None and item.id != object_id:
                 raise ValueError(f"an object keeps its id: {object_id} cannot become {item.id}")
         with self._writing:
@@ -447,6 +448,11 @@ class SemanticLayer(Layer):
 
 def _as_ids(ids: int | Iterable[int]) -> Iterable[int]:
     return ids if isinstance(ids, Iterable) else [ids]
+
+
+def _check_object(item: object) -> None:
+    if not isinstance(item, SemanticObject):
+        raise TypeError(f"a layer holds SemanticObjects, got {type(item).__name__}")
 
 
 def _check_unused(ids: list[int], now: KeptObjects, layer: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable
 from datetime import date, datetime
@@ -148,9 +149,7 @@ def _stamp(moment: datetime | date | str | float) -> float:
         try:
             moment = time_from_iso(moment)
         except ValueError:
-            raise ValueError(
-                f"expected a time in ISO 8601, such as 2026-11-24T17:00+01:00, got {moment!r}"
-            ) from None
+            raise ValueError(_no_time(str(moment))) from None
     elif isinstance(moment, date) and not isinstance(moment, datetime):
         moment = datetime.combine(moment, clock())
     if isinstance(moment, bool) or not isinstance(moment, datetime | Real):
@@ -161,6 +160,13 @@ def _stamp(moment: datetime | date | str | float) -> float:
     if math.isnan(stamp):
         raise ValueError("the time is NaN")
     return stamp
+
+
+def _no_time(text: str) -> str:
+    """Return that a text is no time, and how to ask for a version if it is one."""
+    version = re.fullmatch(r"v(\d+)", text)
+    hint = f"; for a version: hypermap.history.at_version(map, {version[1]})" if version else ""
+    return f"expected a time in ISO 8601, such as 2026-11-24T17:00+01:00, got {text!r}{hint}"
 
 
 def _said(stamp: float) -> str:
