@@ -618,3 +618,8 @@ def test_an_area_may_reach_as_far_as_numbers_do(flat: Hypermap) -> None:
     found = ask(flat, Query(where=(Condition("at", area),))).objects
     names = sorted(each.object.name for each in found if each.layer == "semantic")
     assert names == ["chair", "couch", "cup", "mug", "table"]
+
+
+def test_a_question_in_english_is_for_another_function() -> None:
+    with pytest.raises(TypeError, match="got 'where is the cup'; ask_map takes questions in Eng"):
+        ask(Hypermap(), "where is the cup")  # type: ignore[arg-type]

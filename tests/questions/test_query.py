@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
 from typing import Any, get_args
 
@@ -181,3 +182,31 @@ def test_what_is_no_text_is_refused_where_text_is_expected(value: Any) -> None:
         Query.from_json({"measured": {"layer": value, "above": -1}})
     with pytest.raises(FormatError, match=r"^start\.area: expected WKT"):
         Query.from_json({"start": {"area": value}})
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Query(names=("cup")), r"names may be several: write \('cup',\) with a comma"),
+        (lambda: Query(tags="red"), "tags may be several"),
+        (lambda: Query(layers="semantic"), "layers may be several"),
+        (lambda: Query(ids=3), r"ids may be several: write \(3,\)"),
+        (lambda: Query(where=Condition("in", Reference(is_asker=True))), "where may be several"),
+        (lambda: Reference(names="table"), "names may be several"),
+        (lambda: Reference(rooms="kitchen"), "rooms may be several"),
+    ],
+)
+def test_one_without_its_comma_is_not_taken_letter_by_letter(
+    make: Callable[[], object], message: str
+) -> None:
+    with pytest.raises(TypeError, match=message):
+        make()
+
+
+def test_lists_are_as_good_as_tuples() -> None:
+    """Also where queries are compared and looked up."""
+    table = Reference(names=["table"])  # type: ignore[arg-type]
+    given = Query(names=["cup"], where=[Condition("near", table)])  # type: ignore[arg-type]
+    known = Query(names=("cup",), where=(Condition("near", Reference(names=("table",))),))
+    assert given == known
+    assert hash(given) == hash(known)

@@ -155,6 +155,7 @@ def ask(
         HypermapError: If the query needs to know where the asker is, asks for rooms of a map that
             has none, for an unknown room or layer, for heights that the map does not have, or for
             a time that the map does not know.
+        TypeError: If the question is no query, as one in English, which `ask_map` answers.
 
     >>> from hypermap import SemanticLayer, SemanticObject
     >>> things = [SemanticObject("couch", shapely.box(x, 0, x + 1, 1)) for x in (0, 4)]
@@ -162,6 +163,8 @@ def ask(
     >>> ask(hypermap, Query("count", ("seating",))).count
     2
     """
+    if not isinstance(query, Query):
+        raise TypeError(f"expected a Query, got {query!r}; ask_map takes questions in English, too")
     if query.as_of is None:
         hypermap = in_force(hypermap, time.time() if now is None else now)
     else:

@@ -64,6 +64,8 @@ MOST_LETTERS = 500
 
 _FARTHEST = 1e9  # meters
 
+_SEVERAL = ("names", "besides", "ids", "tags", "rooms", "where", "when", "layers")
+
 WITH_DISTANCE = ("near", "beyond")
 OF_COUNTS = ("most", "fewest")
 
@@ -93,6 +95,7 @@ class Reference:
     is_asker: bool = False
 
     def __post_init__(self) -> None:
+        _take_several(self, "names", "where", "rooms")
         places = [self.point_xy is not None, self.area is not None, self.is_asker]
         if sum([self.names != (), self.rooms != (), *places]) != 1:
             raise ValueError(
@@ -287,6 +290,7 @@ class Query:
     number: Number | None = None
 
     def __post_init__(self) -> None:
+        _take_several(self, *_SEVERAL)
         pairs = ((self.give, Give), (self.which, Which), (self.by, Measure), (self.per, Per))
         for value, choices in pairs:
             if value is not None and value not in get_args(choices):
@@ -374,6 +378,19 @@ class Query:
         from hypermap.questions.query_json import query_of  # which knows this class
 
         return query_of(values)
+
+
+def _take_several(part: Reference | Query, *keys: str) -> None:
+    """Keep what there may be several of as tuples.
+
+    Raises:
+        TypeError: If it is a single one: a text would be taken letter by letter.
+    """
+    for key in keys:
+        value = getattr(part, key)
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise TypeError(f"{key} may be several: write ({value!r},) with a comma for one")
+        object.__setattr__(part, key, tuple(value))
 
 
 def _check_near(what: str, meters: Iterable[float]) -> None:
