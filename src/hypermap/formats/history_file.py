@@ -26,6 +26,7 @@ from hypermap.formats import limits
 from hypermap.formats.semantic.records import is_json, object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value, read_yaml, write_yaml
 from hypermap.history.policy import HistoryPolicy
+from hypermap.text import counted
 
 logger = logging.getLogger(__name__)
 
@@ -87,8 +88,8 @@ class HistoryFiles:
             lost += is_lost
         self._is_end_lost = is_lost
         if lost:
-            places = f"{lost} {'part' if lost == 1 else 'parts'} of it cannot be read"
-            logger.warning("%s: a part of the map's history is lost: %s", self.where, places)
+            said = "%s: a part of the map's history is lost: %s of it cannot be read"
+            logger.warning(said, self.where, counted(lost, "part"))
         return tuple(revisions)
 
 

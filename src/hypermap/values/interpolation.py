@@ -18,7 +18,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry, check_resolution
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
-from hypermap.text import counted
+from hypermap.text import counted, noun
 from hypermap.values.fitting import LEAST_SAMPLES, fit_settings, with_limits
 from hypermap.values.kernel import kernel_estimate
 from hypermap.values.lattice import Lattice, floor_cells, padded_grid
@@ -135,8 +135,8 @@ def _check_half_life(samples: Samples, half_life: float, method: str) -> None:
     if np.isnan(samples.stamps).any():
         count = int(np.isnan(samples.stamps).sum())
         raise HypermapError(
-            f"{count} of {len(samples)} samples have no stamp, so their age is unknown; leave out "
-            "the half-life"
+            f"{count} of {counted(len(samples), 'sample')} {noun(count, 'has', 'have')} no stamp, "
+            "so their age is unknown; leave out the half-life"
         )
 
 

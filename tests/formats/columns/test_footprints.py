@@ -55,7 +55,7 @@ def test_rings_are_closed_and_keep_their_winding(text: str, expected: BaseGeomet
         ("POLYGON((0 0, 1 0, 1))", "point 2 of its shape has 1 numbers, not 2"),
         ("POLYGON((0 0, nan 0, 1 1))", "its shape has a coordinate that is not finite"),
         ("POLYGON((0 0, 1e999 0, 1 1))", "its shape has a coordinate that is not finite"),
-        ("POLYGON((0 0))", "its shape has an outline of 1 points; three are needed"),
+        ("POLYGON((0 0))", "its shape has an outline of 1 point; three are needed"),
         ("POLYGON((0 0, 1 1))", "its shape has an outline of 2 points; three are needed"),
         ("POLYGON((0 0, 1 0, 1 1, 0 0)", "its shape is not well-known text: Expected word but "),
         ("POLYGON((0 0, 1 0, x 1))", "its shape is not well-known text: Expected number but "),

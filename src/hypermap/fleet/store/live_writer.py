@@ -19,6 +19,7 @@ from hypermap.fleet.store.delivery import Delivery
 from hypermap.fleet.store.observed import Observed
 from hypermap.fleet.store.seen_cells import changed_cells
 from hypermap.fleet.store.spool import MOST_REFUSED_MB, Spool
+from hypermap.text import counted
 
 _EVERY = 1.0  # s
 
@@ -129,8 +130,9 @@ class LiveWriter:
             self._spool.close()
 
     def _said_of_refused(self, aside: int, dropped: int) -> str:
-        was = "1 part was" if aside == 1 else f"{aside} parts were"
-        more = f", and {dropped} older ones were dropped" if dropped else ""
+        was = counted(aside, "part was", "parts were")
+        older = counted(dropped, "older one was", "older ones were")
+        more = f", and {older} dropped" if dropped else ""
         see = f"see: hypermap refused {self._spool.path}"
         return f"{was} refused by the store, in all runs{more}; {see}"
 

@@ -13,6 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray
+from hypermap.text import counted
 
 _RING = re.compile(r"\(([^()]*)\)")
 _AT_ONCE = 4096  # footprints
@@ -170,7 +171,8 @@ def _close_ring(match: re.Match[str]) -> str:
         if any(number is not None and not math.isfinite(number) for number in map(_float, numbers)):
             raise ValueError("its shape has a coordinate that is not finite")
     if len(points) < 3:
-        raise ValueError(f"its shape has an outline of {len(points)} points; three are needed")
+        few = counted(len(points), "point")
+        raise ValueError(f"its shape has an outline of {few}; three are needed")
     closed = points if points[0].split() == points[-1].split() else [*points, points[0]]
     return f"({','.join(closed)})"
 

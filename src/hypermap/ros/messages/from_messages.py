@@ -23,6 +23,7 @@ from hypermap.core.shapes import repaired
 from hypermap.core.tangles import check_tangle
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.messages.geometry_messages import outline
+from hypermap.text import counted
 
 _CROSSING = 1e-3  # of the area; rounding to float32 makes less
 
@@ -234,8 +235,8 @@ def _polygon(message: Any) -> shapely.Polygon:
         raise ValueError("its shape has a coordinate that is not finite")
     count = len(set(xy))
     if count < 3:
-        noun = "point" if count == 1 else "points"
-        raise ValueError(f"its shape has {count} different {noun}; three are needed")
+        points = counted(count, "different point")
+        raise ValueError(f"its shape has {points}; three are needed")
     polygon = shapely.Polygon(xy)
     check_tangle(polygon)
     return polygon
