@@ -623,3 +623,10 @@ def test_an_area_may_reach_as_far_as_numbers_do(flat: Hypermap) -> None:
 def test_a_question_in_english_is_for_another_function() -> None:
     with pytest.raises(TypeError, match="got 'where is the cup'; ask_map takes questions in Eng"):
         ask(Hypermap(), "where is the cup")  # type: ignore[arg-type]
+
+
+def test_a_place_has_two_coordinates() -> None:
+    with pytest.raises(ValueError, match=r"a point is \(x, y\), got \(1,\)"):
+        Reference(point_xy=(1,))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"pose must be \(x, y\) or a Pose2D, got \(1,\)"):
+        Hypermap().ask("where is the nearest chair?", pose=(1,))

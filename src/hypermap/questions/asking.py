@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -121,13 +121,20 @@ def ask_map(
     Raises:
         NotUnderstood: If the text cannot be read.
         HypermapError: If the question cannot be answered.
+        ValueError: If the pose is no place.
     """
-    asker = pose if pose is None or isinstance(pose, Pose2D) else Pose2D(*pose)
+    asker = pose if pose is None or isinstance(pose, Pose2D) else _pose_of(pose)
     if isinstance(question, str):
         return answer_to(hypermap, question, asker, taxonomy, robot_radius, encoder=encoder)
     query = question if isinstance(question, Query) else Query.from_json(question)
     names, radius = load_taxonomy(taxonomy), robot_radius
     return ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=radius, encoder=encoder)
+
+
+def _pose_of(place: Sequence[float]) -> Pose2D:
+    if len(place) not in (2, 3):  # with a yaw [rad] it is a pose
+        raise ValueError(f"pose must be (x, y) or a Pose2D, got {place!r}")
+    return Pose2D(*place)
 
 
 def vocabulary_of(hypermap: Hypermap, taxonomy: Taxonomy) -> Vocabulary:

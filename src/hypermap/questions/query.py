@@ -104,6 +104,8 @@ class Reference:
         if self.area is not None:
             area_from_wkt(self.area)
         if self.point_xy is not None:
+            if len(self.point_xy) != 2:
+                raise ValueError(f"a point is (x, y), got {self.point_xy}")
             _check_near("a point", self.point_xy)
         if self.where and not self.names:
             raise ValueError("only a reference by names has conditions")
