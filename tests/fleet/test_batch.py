@@ -238,6 +238,19 @@ def test_settings_that_cannot_vary_so_are_refused(
     assert message in str(caught.value)
 
 
+def test_one_recording_is_one_job(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = recordings / "bag"
+    bag.mkdir()
+    for name in ("metadata.yaml", "bag_0.db3", "bag_1.db3"):
+        (bag / name).touch()
+    monkeypatch.chdir(recordings / "monday")
+    for source, name in ((".", "monday"), ("../bag", "bag"), ("../bag/bag_0.db3", "bag_0")):
+        [job] = jobs_in(Path(source))
+        assert (job.name, job.recording) == (name, Path(source))
+    (bag / "metadata.yaml").unlink()
+    assert [job.name for job in jobs_in(bag)] == ["bag_0", "bag_1"]
+
+
 def test_an_empty_folder_is_no_batch(tmp_path: Path) -> None:
     with pytest.raises(HypermapError, match="there is no recording in this folder"):
         jobs_in(tmp_path)

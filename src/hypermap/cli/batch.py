@@ -30,10 +30,10 @@ def command(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="JOBS.YAML|FOLDER",
+            metavar="JOBS.YAML|FOLDER|RECORDING",
             show_default=False,
             readable=False,
-            help="A list of jobs, or a folder of recordings.",
+            help="A list of jobs, a folder of recordings, or one recording.",
         ),
     ],
     output: Annotated[
@@ -84,7 +84,7 @@ def command(
         hypermap batch recordings -o maps
         hypermap batch jobs.yaml -o maps --workers 4
         hypermap batch jobs.yaml -o maps --address 10.0.0.1:6379
-        hypermap batch recordings -o losses --set evidence.loss=0.1,0.2,0.3
+        hypermap batch drive.bag -o losses --set evidence.loss=0.1,0.2,0.3
     """
     from hypermap.fleet.batch.batch import run_batch
     from hypermap.fleet.batch.jobs import jobs_in, swept

@@ -71,6 +71,13 @@ def is_recording(path: Path) -> bool:
     return (path.is_file() or path.is_dir()) and _recognise(path) is not None
 
 
+def recordings_in(path: Path) -> list[Path]:
+    """Return the recordings in a folder, by name, or what is given, if it is one recording."""
+    is_one = path.is_file() or (path / "metadata.yaml").exists()
+    inside = [] if is_one else sorted(filter(is_recording, path.iterdir()))
+    return inside or [path] * is_recording(path)
+
+
 def _recognise(path: Path) -> Callable[[Path, RecordingOptions], PendingRecording] | None:
     # Each kind is imported where it is needed: rosbags and Pillow take their time.
     if path.is_file():

@@ -1,4 +1,4 @@
-"""The jobs of a batch: from a YAML file, or a folder of recordings, and with settings that vary."""
+"""The jobs of a batch: from a YAML file, or of recordings, and with settings that vary."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hypermap.formats.yaml_text import read_yaml
 from hypermap.mapping.config import MappingConfig, chosen_config
 from hypermap.mapping.overrides import override, read_overrides
 from hypermap.mapping.pose_ways import WAYS
-from hypermap.recordings.open import is_recording
+from hypermap.recordings.open import is_recording, recordings_in
 from hypermap.recordings.options import RecordingOptions
 from hypermap.simple_yaml import parse_simple_yaml
 
@@ -65,7 +65,7 @@ def jobs_in(source: Path, common: Mapping[str, Any] | None = None) -> list[Job]:
     """Return the jobs of a YAML file, or one for each recording in a folder.
 
     Args:
-        source: the file, whose paths are relative to it, or the folder.
+        source: the file, whose paths are relative to it, the folder, or a single recording.
         common: values for all jobs that do not say otherwise, by the keys of the file.
 
     Raises:
@@ -73,12 +73,11 @@ def jobs_in(source: Path, common: Mapping[str, Any] | None = None) -> list[Job]:
         FormatError: If the file does not hold jobs; names the job and the key.
         HypermapError: If there are no recordings, or two jobs would write the same file.
     """
-    if source.is_dir():
-        recordings = sorted(path for path in source.iterdir() if is_recording(path))
-        entries: list[Any] = [{"recording": path.name} for path in recordings]
+    if source.is_dir() or is_recording(source):
+        entries: list[Any] = [{"recording": path} for path in recordings_in(source)]
         if not entries:
             raise HypermapError(f"{source}: there is no recording in this folder")
-        folder = source
+        folder = Path()
     elif source.is_file():
         entries, own = _read(source)
         common, folder = {**(common or {}), **own}, source.parent
@@ -171,11 +170,12 @@ def _job(entry: Any, common: Mapping[str, Any], folder: Path, path: Path, place:
     paths = {key: folder / values[key] for key in _PATHS if values.get(key) is not None}
     recording = paths["recording"]
     own_truth = recording / TRUTH
+    stem = recording.stem.strip(".") or recording.resolve().stem
     detector = values.get("detector")
     if detector is not None and (folder / detector).is_file():
         detector = str(folder / detector)
     return Job(
-        name=_NAME.sub("_", values.get("name") or recording.stem),
+        name=_NAME.sub("_", values.get("name") or stem),
         recording=recording,
         config=_config(values, paths.get("config"), path, place),
         options=_options(values.get("options") or {}, path, place),
