@@ -351,6 +351,66 @@ def test_what_a_drive_sees_of_an_object_over_a_table_may_be_all_of_it(
     assert (only(evidence).id == 0) == is_same
 
 
+@pytest.mark.parametrize(("length", "is_same"), [(1.0, True), (0.4, False)])
+def test_of_what_was_seen_from_the_front_only_another_drive_may_see_all(
+    length: float, is_same: bool
+) -> None:
+    evidence, front = EvidenceMap(DEFAULT), shapely.box(-3.03, -length / 2, -2.97, length / 2)
+    for second in range(6):
+        evidence.update(seen(front, stamp=second))
+    for second in range(60):
+        evidence.update(seen(square(0), stamp=DAY + second))
+    assert (only(evidence).id == 0) == is_same
+
+
+@pytest.mark.parametrize(("whole", "is_same"), [(3, True), (0, False)])
+def test_views_of_a_part_do_not_tell_how_high_an_object_is(whole: int, is_same: bool) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(8):
+        evidence.update(seen(square(-3), stamp=second, top=0.9 if second < whole else 0.5))
+    for second in range(60):
+        evidence.update(seen(square(0), stamp=DAY + second, top=0.9))
+    assert (only(evidence).id == 0) == is_same
+
+
+def test_what_three_frames_showed_may_have_been_moved() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(3):
+        evidence.update(seen(square(-3), stamp=second))
+    assert len(evidence.objects()) == 1
+    for second in range(60):
+        evidence.update(seen(square(0), stamp=DAY + second))
+    assert only(evidence).id == 0
+
+
+@pytest.mark.parametrize(("way", "is_same"), [(4.0, True), (14.0, False)])
+def test_the_farther_away_something_appears_the_more_alike_it_must_be(
+    way: float, is_same: bool
+) -> None:
+    evidence, building = EvidenceMap(DEFAULT), shapely.box(-20, -20, 20, 20)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second, area=building))
+    for second in range(60):
+        narrower = shapely.box(way - 3.3, -0.5, way - 2.7, 0.5)
+        evidence.update(seen(narrower, stamp=DAY + second, area=building))
+    assert (only(evidence).id == 0) == is_same
+
+
+@pytest.mark.parametrize(("left", "has_moved"), [(-2.6, True), (-2.9, False)])
+def test_an_object_that_is_hardly_in_its_place_was_moved_even_if_its_shape_seems_another_one(
+    left: float, has_moved: bool
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(60):
+        narrower = shapely.box(left, -0.5, left + 0.45, 0.5)
+        evidence.update(seen(narrower, stamp=DAY + second))
+    chair = only(evidence)
+    assert chair.id == 0
+    assert ("moved" in chair.attributes) == has_moved
+
+
 def test_what_is_gone_for_long_costs_little() -> None:
     evidence = EvidenceMap(dataclasses.replace(DEFAULT, gone_loss=10.0, loss=10.0))
     for number in range(60):
@@ -443,6 +503,17 @@ def test_two_objects_that_one_frame_shows_are_not_one_that_was_moved(place: floa
         shapes = [square(-3), square(place)] if second < 2 else [square(place)]
         evidence.update(seen(*shapes, stamp=DAY + second))
     assert only(evidence).id != 0
+
+
+def test_one_frame_alone_does_not_tell_that_two_objects_are_not_one() -> None:
+    """It may have taken what is next to the old place for the object that was there."""
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(60):
+        shapes = [square(-3), square(0)] if second < 1 else [square(0)]
+        evidence.update(seen(*shapes, stamp=DAY + second))
+    assert only(evidence).id == 0
 
 
 def test_what_is_moved_is_decided_by_all_objects_together() -> None:

@@ -19,13 +19,14 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import as_objects
-from hypermap.history.likeness import SAME_SHAPE, fills_its_place
+from hypermap.history.likeness import MAY_BE, SAME_SHAPE, fills_its_place
 from hypermap.mapping.association import ASSOCIATIONS
+from hypermap.mapping.compared_tracks import likeness_of
 from hypermap.mapping.evidence_buffer import CONFIRMED, Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.moved import GONE
 from hypermap.mapping.prepared_polygon import PreparedPolygon
-from hypermap.mapping.reunion import Reunion, SeenBefore, likeness_of, parted
+from hypermap.mapping.reunion import Reunion, SeenBefore, parted
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable, are_two
@@ -36,6 +37,7 @@ _LEAST = 0.2  # [m]; least distance of centroids for a move within an object's p
 _PER_AREA = 0.4  # [m] per square meter of an object of which a drive may see only one side
 _AS_MUCH = 0.5  # share of the floor that a moved object leaves, from which it takes about as much
 _LITTLE = 0.4  # IoU below which it is not in its place, whether or not this was seen
+_APART = 0.2  # IoU below which another shape does not tell that it has stayed
 _VIEWS = 2  # of the floor that it has left or taken
 _COVERED = 0.5  # share of that floor which such a view must cover
 _BESIDE = 0.2  # [m] by which poses may put a small object beside its place
@@ -166,8 +168,9 @@ def _has_shifted(tracks: TrackTable, known: int, fresh: int) -> bool:
     """Return whether an object has moved within its place, or next to it.
 
     Some pieces of evidence of both drives must agree on places apart, and this drive must have seen
-    the floor where it was. A large object must have moved farther, because a drive may see only one
-    side of it, unless about as much floor is taken as is left, and earlier views saw that.
+    the floor where it was. Its shape may be another one only if it is hardly in its place any more.
+    A large object must have moved farther, because a drive may see only one side of it, unless
+    about as much floor is taken as is left, and earlier views saw that.
     """
     track, own = tracks.objects[known], tracks.objects[fresh]
     if min(len(track.buffer), len(own.buffer)) < CONFIRMED or track.by_hand is not None:
@@ -177,7 +180,9 @@ def _has_shifted(tracks: TrackTable, known: int, fresh: int) -> bool:
     was, here = (tracks.shapes.polygons[row] for row in (known, fresh))
     if shapely.distance(was.geometry.centroid, here.geometry.centroid) < _LEAST:
         return False
-    if likeness_of(was, here) < SAME_SHAPE:
+    shared = shapely.area(shapely.intersection(was.geometry, here.geometry))
+    is_apart = shared < _APART * (was.area + here.area - shared)
+    if likeness_of(was, here) < (MAY_BE if is_apart else SAME_SHAPE):
         return False
     return _is_elsewhere(here.geometry, was.geometry, own.buffer.items, track.buffer.items)
 

@@ -30,6 +30,9 @@ from hypermap.perception.paint import Rgb
 CONFIRMED = 4
 """Observations that confirm a track."""
 
+MAPPED = 3
+"""Observations from which on a track may be in the map, by the default gain and limit."""
+
 STALE = 3600.0
 """Seconds after which a place may have changed unnoticed: in another drive, or much later."""
 
@@ -315,6 +318,14 @@ class EvidenceBuffer:
             high = _median([evidence.z_max for evidence in self.items])
             self._heights = float(low), float(high)
         return self._heights
+
+    def top(self) -> float:
+        """Return the upper quartile of the highest points of the kept evidence [m].
+
+        Views of a part of the object may lack its top; 0 if there are none.
+        """
+        tops = [evidence.z_max for evidence in self.items]
+        return float(np.quantile(tops, 0.75)) if tops else 0.0
 
     def agreement(self, shape: PreparedPolygon) -> float:
         """Return how far the kept footprints agree with a shape: their mean IoU with it, 0..1."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence, Set
 import numpy as np
 import shapely
 
-from hypermap.mapping.evidence_buffer import CONFIRMED, STALE
+from hypermap.mapping.evidence_buffer import MAPPED, STALE
 from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.occlusion import visible_shares
 from hypermap.mapping.prepared_polygon import shared_area
@@ -77,7 +77,7 @@ def _newest_gone(tracks: TrackTable, below: float) -> set[int]:
     gone = [
         row
         for row in np.flatnonzero(tracks.existence <= below).tolist()
-        if tracks.objects[row].buffer.count >= CONFIRMED
+        if tracks.objects[row].buffer.count >= MAPPED
     ]
     return set(sorted(gone, key=lambda row: -tracks.objects[row].buffer.last_seen)[:_MOST_GONE])
 

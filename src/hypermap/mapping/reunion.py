@@ -13,12 +13,12 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray
-from hypermap.history.likeness import FARTHEST, MIN_SHIFT, likeness
-from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence
+from hypermap.history.likeness import FARTHEST, MIN_SHIFT
+from hypermap.mapping.compared_tracks import ComparedTracks, likeness_of_tracks
+from hypermap.mapping.evidence_buffer import CONFIRMED, MAPPED, STALE, Evidence
 from hypermap.mapping.moved import GONE, views_of_tracks, was_without
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
@@ -53,19 +53,17 @@ _SURELY = 1.0  # cost up to which it surely has
 _MOVED = 2.2
 _FAR = 1.0  # per factor of e in the distance
 _NEAREST = 0.3  # [m] from which on distances count
+_ACROSS = 5.0  # [m] from which on they count twice: few things are moved to another room
 _TURNED = 4.0  # of another shape
 _RAISED = 20.0  # per share of the height by which it differs
 _STILL_THERE = 0.8  # its old place may still be taken
 _LONG_GONE = 1.0  # it was gone when the last drive ended
 _UNKNOWN = 1.0  # its new place was not seen before
 _LEAST_LIKE = 0.1  # likeness of two shapes of one object
-_HIDDEN = 0.4  # how alike two shapes are, of which one is what can be seen over a table, at least
-_HIDDEN_BELOW = 0.15  # [m] by which such a one begins higher
+_BY_CHANCE = 1  # frames that seem to show it beside itself: what is next to it was taken for it
 _REPAINTED = 0.07  # share of the objects that have another color in another drive, to begin with
 _BEFORE_ANY = 0.3  # objects that this counts as much as
 
-_HEIGHT_ERROR = 0.05  # share of a height by which maps measure it wrongly
-_ON_FLOOR = 0.3  # [m]; the lower side of objects above is not measured
 _TINY = 1e-12
 _OVER = 0.2  # share of the smaller one from which two objects take one place
 
@@ -100,51 +98,6 @@ def parted(tracks: TrackTable) -> tuple[Rows, Rows]:
     return list(range(known)), fresh
 
 
-@dataclass(frozen=True, eq=False)
-class _Class:
-    """The tracks of one class, N of earlier drives and M of the present one.
-
-    Attributes:
-        known: rows of those of earlier drives.
-        fresh: rows of the others.
-        areas: of their shapes [m²], shapes (N,) and (M,).
-        shared: areas that two of them share [m²], shape (N, M).
-        ways: distances of their centers [m], shape (N, M).
-        higher: by which share their heights differ, beyond the error, shape (N, M).
-    """
-
-    known: Rows
-    fresh: Rows
-    areas: tuple[NDArray[np.float64], NDArray[np.float64]]
-    shared: NDArray[np.float64]
-    ways: NDArray[np.float64]
-    higher: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, tracks: TrackTable, known: Rows, fresh: Rows) -> _Class:
-        """Compare tracks."""
-        shapes = tracks.shapes
-        a, b = shapes.geometries(known), shapes.geometries(fresh)
-        boxes, theirs = shapes.boxes[known][:, None], shapes.boxes[fresh]
-        meet = (boxes[..., :2] <= theirs[:, 2:]) & (boxes[..., 2:] >= theirs[:, :2])
-        shared = np.zeros((len(known), len(fresh)))
-        for i, j in np.argwhere(meet.all(axis=2)).tolist():
-            one, other = shapes.polygons[known[i]], shapes.polygons[fresh[j]]
-            shared[i, j] = other.cached(_shared_with, one)
-        ways = shapely.distance(shapely.centroid(a)[:, None], shapely.centroid(b))
-        ways = np.nan_to_num(ways, nan=math.inf)  # what is empty is far from everything
-        areas = shapely.area(a), shapely.area(b)
-        return cls(known, fresh, areas, shared, ways, _higher(shapes.heights, known, fresh))
-
-
-def _higher(heights: NDArray[np.float64], known: Rows, fresh: Rows) -> NDArray[np.float64]:
-    """Return by which share the heights of tracks differ, beyond their error, shape (N, M)."""
-    tops = heights[known, 1][:, None], heights[fresh, 1]
-    is_on_floor = np.maximum(heights[known, 0][:, None], heights[fresh, 0]) <= _ON_FLOOR
-    ratios = np.minimum(*tops) / np.maximum(np.maximum(*tops), _TINY)
-    return np.where(is_on_floor, np.maximum(1 - _HEIGHT_ERROR - ratios, 0), 0)
-
-
 class Reunion:
     """The tracks of earlier drives and of the present one, to be assigned to each other."""
 
@@ -164,7 +117,7 @@ class Reunion:
         return [pair for one in self._classes for pair in self._pairs(one)]
 
     @cached_property
-    def _classes(self) -> list[_Class]:
+    def _classes(self) -> list[ComparedTracks]:
         """The classes that both earlier drives and this one have found."""
         known, fresh = parted(self._tracks)
         objects, found = self._tracks.objects, []
@@ -173,10 +126,10 @@ class Reunion:
             some = [row for row in some if not objects[row].is_deleted]
             if some:
                 others = [row for row in fresh if objects[row].name == name]
-                found.append(_Class.of(self._tracks, some, others))
+                found.append(ComparedTracks.of(self._tracks, some, others))
         return found
 
-    def _pairs(self, one: _Class) -> list[Pair]:
+    def _pairs(self, one: ComparedTracks) -> list[Pair]:
         # The import takes a quarter of a second, and most drives begin a map.
         from scipy.optimize import linear_sum_assignment
 
@@ -203,7 +156,7 @@ class Reunion:
         """What it costs that known objects have stayed, shapes (N, M), by the ids of classes."""
         return {id(one): self._costs_of_staying(one) for one in self._classes}
 
-    def _costs_of_staying(self, one: _Class) -> NDArray[np.float64]:
+    def _costs_of_staying(self, one: ComparedTracks) -> NDArray[np.float64]:
         """Return what it costs that each known object is each of the others, shape (N, M)."""
         objects, is_near = self._tracks.objects, one.ways < _SAME_PLACE
         least = np.minimum(one.areas[0][:, None], one.areas[1])
@@ -220,12 +173,14 @@ class Reunion:
                 costs[i] += _BACK
         return np.where((one.shared > 0) | is_near, costs, _NEVER)
 
-    def _costs_of_moving(self, one: _Class, leaving: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _costs_of_moving(
+        self, one: ComparedTracks, leaving: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Return what it costs that each known object was moved to each of the others, (N, M).
 
         Only where that may be less than that the one has left, and the other one came.
         """
-        costs = _MOVED + _FAR * np.log(np.maximum(one.ways, _NEAREST) / _NEAREST)
+        costs = _MOVED + _FAR * (_times(one.ways, _NEAREST) + _times(one.ways, _ACROSS))
         costs += _RAISED * one.higher
         for i, row in enumerate(one.known):
             if not self._is_gone(row):
@@ -237,14 +192,14 @@ class Reunion:
             costs += self._costs_of_color(one)
         for i, j in np.argwhere(possible).tolist():
             row, other = one.known[i], one.fresh[j]
-            alike = self._likeness(row, other)
-            is_shown_beside = bool(self._tracks.objects[row].co_occurrences[self._id(other)])
-            possible[i, j] = alike >= _LEAST_LIKE and not is_shown_beside
+            alike = likeness_of_tracks(self._tracks, row, other)
+            frames_with_both = self._tracks.objects[row].co_occurrences[self._id(other)]
+            possible[i, j] = alike >= _LEAST_LIKE and frames_with_both <= _BY_CHANCE
             costs[i, j] += _TURNED * (1 - alike)
             costs[i, j] += 0.0 if self._was_without(other) else _UNKNOWN
         return np.where(possible, costs, _NEVER)
 
-    def _costs_of_color(self, one: _Class) -> NDArray[np.float64]:
+    def _costs_of_color(self, one: ComparedTracks) -> NDArray[np.float64]:
         """Return what it costs that known objects have the colors of the others, shape (N, M).
 
         Another color costs the more, the more objects of the class have kept theirs: chairs do, but
@@ -259,15 +214,7 @@ class Reunion:
         rate = (changed + _BEFORE_ANY * _REPAINTED) / (len(kept) + _BEFORE_ANY)
         return np.where(away > SAME_COLOR, -math.log(rate), 0.0)
 
-    def _likeness(self, row: int, other: int) -> float:
-        """Return how alike the shapes of a known object and another one may be; see `likeness`."""
-        shapes = self._tracks.shapes
-        one, two = shapes.polygons[row], shapes.polygons[other]
-        smaller, larger = (row, other) if one.area < two.area else (other, row)
-        is_hidden = shapes.heights[smaller, 0] > shapes.heights[larger, 0] + _HIDDEN_BELOW
-        return max(likeness_of(one, two), _HIDDEN if is_hidden else 0.0)
-
-    def _may_have_moved(self, one: _Class) -> BoolArray:
+    def _may_have_moved(self, one: ComparedTracks) -> BoolArray:
         """Return which known objects may be which others, as far as times and places tell."""
         objects, same = self._tracks.objects, self._surely_same
         stayed = set(same.values())
@@ -280,11 +227,11 @@ class Reunion:
         return found
 
     def _can_move(self, row: int) -> bool:
-        """Return whether a known object is confirmed, and no one has edited it."""
+        """Return whether a known object may have been in the map, and no one has edited it."""
         track = self._tracks.objects[row]
-        return track.by_hand is None and track.buffer.count >= CONFIRMED
+        return track.by_hand is None and track.buffer.count >= MAPPED
 
-    def _costs_of_leaving(self, one: _Class) -> NDArray[np.float64]:
+    def _costs_of_leaving(self, one: ComparedTracks) -> NDArray[np.float64]:
         """Return what it costs that each known object is none of the others, shape (N,)."""
         is_sure = np.array([self._is_published(row) for row in one.fresh])
         least = np.minimum(one.areas[0][:, None], one.areas[1])
@@ -354,17 +301,9 @@ class Reunion:
         return views_of_tracks(self._tracks)
 
 
-def likeness_of(known: PreparedPolygon, fresh: PreparedPolygon) -> float:
-    """Return how alike a known shape and one of the drive are; see `likeness`."""
-    return fresh.cached(_likeness_to, known)
-
-
-def _shared_with(fresh: PreparedPolygon, known: PreparedPolygon) -> float:
-    return float(shapely.area(shapely.intersection(known.geometry, fresh.geometry)))
-
-
-def _likeness_to(fresh: PreparedPolygon, known: PreparedPolygon) -> float:
-    return likeness(known.geometry, fresh.geometry)
+def _times(ways: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Return the logarithms of how many times as long as some least way others are; 0 if not."""
+    return np.asarray(np.log(np.maximum(ways, least) / least))
 
 
 def _confidence(moves: NDArray[np.float64], i: int, j: int) -> float:
