@@ -111,12 +111,22 @@ def test_an_unknown_stamp_has_no_detections_and_is_counted_and_logged_once(
     recorded: RecordedDetections, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
-        assert [len(recorded.at(stamp)) for stamp in (2.502, 0, 1e12, 2.5)] == [0, 0, 0, 1]
+        assert [len(recorded.at(stamp)) for stamp in (2.502, 0, 1e3, 2.5)] == [0, 0, 0, 1]
     assert recorded.missed == 3
     assert [record.getMessage() for record in caplog.records] == [
         f"{recorded.path}: no entry for the image at 2.502000, the nearest is at 2.500000; this "
         "and other missing images count as images without objects"
     ]
+
+
+@pytest.mark.parametrize("stamp", [1e5 - 3700.0, 1e5 + 3710.0, 1.7e9, 0.0])
+def test_an_image_of_another_day_is_not_one_without_objects(stamp: float) -> None:
+    recorded = RecordedDetections(path="monday.json")
+    for known in (1e5, 1e5 + 100.0):
+        recorded.add(known, Detections.of([[0, 0, 1, 1]], ["cup"]))
+    assert len(recorded.at(1e5 - 3500.0)) == len(recorded.at(1e5 + 3690.0)) == 0
+    with pytest.raises(FormatError, match=rf"^monday.json: .* image is of {stamp:.6f} s; are they"):
+        recorded.at(stamp)
 
 
 def test_boxes_that_are_shares_of_the_image_are_refused(tmp_path: Path) -> None:

@@ -38,6 +38,7 @@ from hypermap.perception.detectors import rle
 logger = logging.getLogger(__name__)
 
 STAMP_TOLERANCE = 1e-3  # [s]; stamps written as text are rounded
+_ELSEWHERE = 3600.0  # [s] before or after all others, from which on a stamp is of another recording
 MAX_BYTES = 1 << 30
 MAX_SIDE = 1 << 14  # [pixels] of an image
 
@@ -112,6 +113,10 @@ class RecordedDetections:
         """The images' stamps in order [s]."""
         return tuple(self._stamps)
 
+    @property
+    def _span(self) -> float:
+        return self._stamps[-1] - self._stamps[0]
+
     @classmethod
     def load(cls, path: str | Path) -> RecordedDetections:
         """Return the detections in a file.
@@ -178,7 +183,16 @@ class RecordedDetections:
         """Return the detections of the image nearest in time, within a millisecond.
 
         There are none for an unknown stamp; the first such stamp is logged, all are counted.
+
+        Raises:
+            FormatError: If it is hours before or after all that are known.
         """
+        if self._stamps and not -_ELSEWHERE < stamp - self._stamps[0] < self._span + _ELSEWHERE:
+            raise FormatError(
+                f"has detections of {self._stamps[0]:.6f} to {self._stamps[-1]:.6f} s, but the "
+                f"image is of {stamp:.6f} s; are they of another recording?",
+                path=self.path or "detections",
+            )
         position = bisect_left(self._stamps, stamp)
         near = self._stamps[max(0, position - 1) : position + 1]
         nearest = min(near, key=lambda known: abs(known - stamp), default=math.inf)
