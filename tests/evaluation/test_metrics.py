@@ -7,7 +7,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hypermap.core.semantic import SemanticObject
+from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.evaluation.metrics import Detection, evaluate
 
 
@@ -34,6 +34,13 @@ def test_the_scores_of_a_small_map() -> None:
     mean = pytest.approx((3 / 4 + 1) / 2)
     assert strict == Detection(0.5, found=2, missed=2, duplicates=0, false=2, found_iou=mean)
     assert (strict.precision, strict.recall, strict.f1) == (0.5, 0.5, 0.5)
+
+
+def test_layers_whose_ids_have_gaps_are_as_good_as_lists() -> None:
+    layers = [SemanticLayer("objects", "map", each) for each in (ESTIMATE, TRUTH)]
+    estimate, truth = layers
+    estimate.remove(0)
+    assert evaluate(estimate, truth).matches == evaluate(ESTIMATE[1:], TRUTH).matches
 
 
 def test_panoptic_quality_is_the_sum_of_iou_over_finds_and_half_of_all_errors() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,8 +151,8 @@ class Evaluation:
 
 
 def evaluate(
-    estimate: Sequence[SemanticObject],
-    ground_truth: Sequence[SemanticObject],
+    estimate: Iterable[SemanticObject],
+    ground_truth: Iterable[SemanticObject],
     thresholds: Sequence[float] = THRESHOLDS,
 ) -> Evaluation:
     """Return how well estimated objects agree with the true ones, both in the same frame.
@@ -160,12 +160,18 @@ def evaluate(
     Precision and recall at a threshold use the best matching among the pairs that reach it;
     IoU, distance and area use the best matching of all pairs that overlap.
 
+    Args:
+        estimate: objects of the estimated map, such as a semantic layer.
+        ground_truth: the true objects, likewise.
+        thresholds: least IoU of a find, for each entry of `Score.detection`.
+
     >>> table = SemanticObject("table", shapely.box(0, 0, 2, 1))
     >>> half = SemanticObject("table", shapely.box(0, 0, 1, 1))
     >>> score = evaluate([half], [table]).overall
     >>> score.iou, score.centroid_distance, score.area_bias, [d.recall for d in score.detection]
     (0.5, 0.5, -0.5, [1.0, 1.0])
     """
+    estimate, ground_truth = list(estimate), list(ground_truth)  # a layer's indices are ids
     matches = match_objects(estimate, ground_truth)
     finds = tuple(_finds(estimate, ground_truth, at) for at in thresholds)
     closest = closest_shapes(estimate, ground_truth)
