@@ -22,8 +22,9 @@ _SAME = 1e-6  # [m] by which rounding moves poses
 class Shifts:
     """The shifts of the objects in the last version that a map's history knows.
 
-    An object shifts by the mean of the motions near the frames that saw it first and last. Frames
-    that are not in the log do not move.
+    An object shifts by the mean of the motions near the frames of its last drive that saw it first
+    and last; where an earlier drive saw it first, by that of the last. Frames that are not in the
+    log do not move.
     """
 
     def __init__(self, history: History | None) -> None:
@@ -49,15 +50,20 @@ class Shifts:
         if np.allclose(*poses, rtol=0, atol=_SAME):
             return
         numbers = numbers_of_drives(len(after.frames), drives)[:count]
-        stamps = after.stamps[:count] + np.array([drive.offset for drive in drives])[numbers]
+        offsets = np.array([drive.offset for drive in drives])
+        stamps = after.stamps[:count] + offsets[numbers]
         motions = FloorMotions.between(stamps, *poses, numbers)
         centers = shapely.centroid(self._objects.footprints)
         begun = np.column_stack([shapely.get_x(centers), shapely.get_y(centers)])
         shifted = begun if self._by is None else begun + self._by
         none = np.zeros(len(begun))
+        first, last = self._objects.first_seen, self._objects.last_seen
+        begins = np.sort([drive.first for drive in drives] + offsets)
+        drive_of = np.maximum(np.searchsorted(begins, last, side="right") - 1, 0)
+        first = np.where(first >= begins[drive_of], first, last)
         ends = [
             motions.moved(Samples(shifted, none, none.astype(bool), seen)).points_xy
-            for seen in (self._objects.first_seen, self._objects.last_seen)
+            for seen in (first, last)
         ]
         self._by = np.mean(ends, axis=0) - begun
 
