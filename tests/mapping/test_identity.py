@@ -120,6 +120,16 @@ def test_a_clock_that_was_never_set_is_told_where_others_were(
     assert made.history.mapped.time is None
 
 
+def test_a_clock_that_is_set_on_the_way_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    parked = [dataclasses.replace(f, stamp=1.7e9 + 86_400 * i) for i, f in enumerate(walk().items)]
+    reset = [dataclasses.replace(f, stamp=f.stamp + 1.7e9 * (f.stamp > 2)) for f in walk().items]
+    with caplog.at_level(logging.WARNING):
+        map_recording(Frames(parked), boxes, CONFIG)
+        assert "jump" not in caplog.text
+        map_recording(Frames(reset), boxes, CONFIG)
+    assert "jump from 1970-01-01T00:00:02Z to 2023-11-14T22:13:23Z" in caplog.text
+
+
 def test_drives_whose_clocks_begin_again_are_hours_apart_unless_they_are_one() -> None:
     def drive(start: float, count: int) -> Frames:
         items = [dataclasses.replace(f, stamp=start + i) for i, f in enumerate(walk().items)]

@@ -16,6 +16,8 @@ from hypermap.perception.frame import RgbdFrame
 
 _log = logging.getLogger(__name__)
 
+_JUMP = 30 * 86_400.0  # [s] between two frames of one drive, even of a robot that was parked
+
 
 class FrameIntake:
     """Takes in the frames of one drive, which may continue a map of earlier drives.
@@ -37,6 +39,7 @@ class FrameIntake:
         self._counts_before = Counts()
         self._repeated: Drive | None = None  # the earlier drive of the last repeated frame
         self._left_out = LeftOutFrames()
+        self._jump = (0.0, 0.0)  # stamps of the two frames in turn that are farthest apart [s]
 
     def go_on_after(
         self, drives: Sequence[Drive], keyframe: Keyframe | None, counts: Counts
@@ -93,6 +96,9 @@ class FrameIntake:
 
     def was_mapped(self, frame: RgbdFrame) -> None:
         """Add a wanted frame, which was mapped, to the drive."""
+        last, (before, after) = self.drive.last, self._jump
+        if self.drive.keys and abs(frame.stamp - last) > abs(after - before):
+            self._jump = (last, frame.stamp)
         self.drive.add(frame)
         self._count(used=1)
 
@@ -140,6 +146,17 @@ class FrameIntake:
                 "then may stay where it was; is the robot's clock set?",
                 self.drive.name,
                 self.drive.last,
+            )
+
+        before, after = self._jump
+        if abs(after - before) > _JUMP:
+            _log.warning(
+                "the stamps of %r jump from %s to %s, as where a clock is set on the way: what was "
+                "shown before is taken for long ago, and what has moved since earlier drives may "
+                "be reported as one object gone and another one first seen",
+                self.drive.name,
+                wall_clock(before),
+                wall_clock(after),
             )
 
     def _tell_wrong_order(self) -> None:
