@@ -16,6 +16,7 @@ from shapely import affinity
 
 from hypermap import Hypermap, HypermapError, SemanticLayer, SemanticObject, open_map
 from hypermap.core.embeddings import Embeddings
+from hypermap.core.evidence import EvidenceTable
 from hypermap.core.history import MAP_ID, MAP_VERSION, Change, Mapped, Revision
 from hypermap.history import as_of, at_version, begun, grown, in_force, next_expiry
 from hypermap.history.policy import HistoryPolicy
@@ -133,6 +134,33 @@ def test_a_map_is_known_at_every_time_since_its_history_began(tmp_path: Path) ->
             assert past.mapper_state is past.history is None
     with pytest.raises(HypermapError, match="its history begins with version 2"):
         as_of(hypermap, MONDAY - 1)
+
+
+@pytest.mark.parametrize("has_evidence", [True, False])
+def test_nothing_of_the_past_was_seen_later(has_evidence: bool) -> None:
+    hypermap, days = office(), (MONDAY, TUESDAY, WEDNESDAY)
+    shown = dataclasses.replace(hypermap.semantic()[0], first_seen=MONDAY, last_seen=WEDNESDAY)
+    hypermap.semantic().update(0, shown)
+    if has_evidence:
+        shapes = np.array([shown.footprint] * 3)
+        hypermap.semantic().kept_evidence = EvidenceTable(
+            object_ids=np.zeros(3, np.int64),
+            views=np.array([2, 0, 1]),
+            scores=np.ones(3),
+            footprints=shapes,
+            heights=np.zeros((3, 2)),
+            stamps=np.array(days),
+            poses=np.tile(np.eye(4), (3, 1, 1)),
+            areas=shapes,
+        )
+    for time in days:
+        moved(hypermap, 1, 0.5)
+        hypermap = grown(hypermap, time)
+    for past in (as_of(hypermap, TUESDAY + 60), at_version(hypermap, 3)):
+        assert past.semantic()[0].last_seen == (TUESDAY if has_evidence else MONDAY)
+        assert past.semantic()[0].first_seen == MONDAY
+        assert past.semantic()[1].last_seen is None
+    assert as_of(hypermap, WEDNESDAY).semantic()[0].last_seen == WEDNESDAY
 
 
 class Encoder:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import date, datetime
 from datetime import time as clock
 from numbers import Real
 
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.history import MAP_VERSION, Change, Revision
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.iso_times import time_from_iso
@@ -24,6 +26,8 @@ from hypermap.values.past import values_at
 def as_of(hypermap: Hypermap, moment: datetime | date | str | float) -> Hypermap:
     """Return a map as it was at a time: its objects with their names and shapes.
 
+    Objects were last seen when the latest of their kept observations by then was made, or else the
+    first.
     Measured values are of the samples that had been taken by then (`values.past`). Grids,
     notes and transforms are those of today, and layers that are not there any more are left out.
     Mapping cannot continue such a map.
@@ -41,7 +45,7 @@ def as_of(hypermap: Hypermap, moment: datetime | date | str | float) -> Hypermap
     stamp = _stamp(moment)
     is_now = stamp >= time.time()
     past, _ = _before(hypermap, lambda begun, _: begun > stamp, f"at {_said(stamp)}", is_now)
-    return _with_values_at(in_force(past, stamp), stamp)
+    return _with_values_at(_seen_by(in_force(past, stamp), stamp), stamp)
 
 
 def at_version(hypermap: Hypermap, version: int) -> Hypermap:
@@ -55,7 +59,7 @@ def at_version(hypermap: Hypermap, version: int) -> Hypermap:
     is_now = version == version_of(hypermap)
     when = f"in version {version}"
     past, stamp = _before(hypermap, lambda _, one: one.version > version, when, is_now)
-    return _with_values_at(past, stamp)
+    return _with_values_at(_seen_by(past, stamp), stamp)
 
 
 def is_known_from_the_beginning(hypermap: Hypermap) -> bool:
@@ -85,6 +89,36 @@ def _with_values_at(hypermap: Hypermap, stamp: float) -> Hypermap:
         values_at(hypermap, layer, stamp) if isinstance(layer, ValueLayer) else layer
         for layer in hypermap
     )
+
+
+def _seen_by(hypermap: Hypermap, stamp: float) -> Hypermap:
+    """Return a map whose objects were not seen after a time, as the history does not log this."""
+    return hypermap.with_layers(
+        _layer_seen_by(layer, stamp) if isinstance(layer, SemanticLayer) else layer
+        for layer in hypermap
+    )
+
+
+def _layer_seen_by(layer: SemanticLayer, stamp: float) -> SemanticLayer:
+    if not math.isfinite(stamp) or not any(_is_seen_after(stamp, item) for item in layer):
+        return layer
+    last: dict[int | None, float] = {}
+    with contextlib.suppress(FormatError):  # evidence that cannot be read
+        if (table := layer.evidence()) is not None:
+            seen = table.stamps[table.views]
+            by_then = seen <= stamp
+            ordered = sorted(zip(seen[by_then], table.object_ids[by_then], strict=True))
+            last = {int(number): float(when) for when, number in ordered}
+    return layer.with_objects(
+        replace(item, last_seen=last.get(item.id, item.first_seen))
+        if _is_seen_after(stamp, item)
+        else item
+        for item in layer
+    )
+
+
+def _is_seen_after(stamp: float, item: SemanticObject) -> bool:
+    return item.last_seen is not None and item.last_seen > stamp
 
 
 def _before(
