@@ -27,6 +27,7 @@ from hypermap import (
     save_map,
 )
 from hypermap.core.frames import FrameTree
+from hypermap.core.history import History, Mapped
 from hypermap.core.pictures import best_pictures
 from hypermap.history import as_of
 from hypermap.mapping.config import profile
@@ -308,6 +309,16 @@ def test_what_a_merge_has_changed_is_of_the_day_of_the_other_map(tmp_path: Path)
         assert revision.time == max(thing.last_seen or 0 for thing in week.semantic())
         then = objects_of(as_of(week, monday + DAY / 2))["chair"]
         assert centroid(then) == centroid(objects_of(first)["chair"])
+
+
+def test_corrections_of_poses_before_a_merge_are_known_after_it() -> None:
+    first = first_day().with_layers(first_day())
+    correction = Mapped("", None, shifts={0: (0.5, 0.0)})
+    first.history = History(mapped=correction)
+    merged = merge_maps(first, second_day("table"), OTHER_FRAME).hypermap
+    assert merged.history is not None
+    assert merged.history.mapped is not None
+    assert merged.history.mapped.shifts == correction.shifts
 
 
 def test_poses_of_one_map_may_be_corrected_and_those_of_the_other_not() -> None:

@@ -136,13 +136,15 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
 def _source(first: Hypermap, drives: Iterable[Drive]) -> Mapped:
     """Return what the changes come from, by the names and the last time of the second map's drives.
 
-    What was merged with the first map, and not saved since, counts, too.
+    What was merged with the first map, and not saved since, counts, too, as do corrected poses.
     """
     before = None if first.history is None else first.history.mapped
     sources = [] if before is None else [(before.drive, before.time)]
     sources += [(drive.name, drive.time) for drive in drives]
     times = [time for _, time in sources if time is not None]
-    return Mapped(", ".join(name for name, _ in sources if name), max(times, default=None))
+    names = ", ".join(name for name, _ in sources if name)
+    shifts = None if before is None else before.shifts
+    return Mapped(names, max(times, default=None), shifts=shifts)
 
 
 def _check_drives(first: Iterable[Drive], second: Iterable[Drive]) -> None:
