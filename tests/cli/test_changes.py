@@ -6,8 +6,10 @@ import dataclasses
 import json
 import math
 import re
+import time
 import zipfile
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -136,6 +138,28 @@ def test_a_query_says_when_the_last_object_of_a_name_left_the_map(
     said = hypermap("query", office, "--name", "table").err
     assert re.search(r"'table' was on the map until 20\S+ \S+ IST\n", said)
     assert "was on the map" not in hypermap("query", office, "--name", "bed").err
+
+
+def test_times_before_now_are_before_the_time_that_is_asked(hypermap: Run, tmp_path: Path) -> None:
+    noon = time.time() // 86_400 * 86_400 - 10 * 86_400 + 43_200
+    things = [
+        SemanticObject(name, shapely.box(x, 0, x + 1, 1), first_seen=noon, last_seen=noon + 60 * x)
+        for x, name in ((0, "cup"), (110, "chair"))
+    ]
+    office = Hypermap([SemanticLayer("semantic", "map", things)])
+    assert begin_history(office)
+    assert office.history is not None
+    office.history = dataclasses.replace(
+        office.history, added=(Revision(1, noon, "edit", "", ()),), version=1
+    )
+    save_map(office, tmp_path / "office.hmap")
+    asked = datetime.fromtimestamp(noon + 3 * 3600).isoformat()
+    for ago, found in (("4h", []), ("2h", ["cup"]), ("1h", ["cup", "chair"])):
+        options = ("--not-seen-for", ago, "--as-of", asked, "--json")
+        answers = hypermap("query", tmp_path / "office.hmap", *options).json["answers"]
+        assert [row["label"] for row in answers] == found
+    said = hypermap("ask", tmp_path / "office.hmap", f"what is new since 4 hours ago as of {asked}")
+    assert len(said.out.splitlines()) == 2
 
 
 def test_a_question_knows_other_names_of_what_left_the_map(hypermap: Run, tmp_path: Path) -> None:

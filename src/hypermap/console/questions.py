@@ -6,13 +6,14 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, TypeAlias
 
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.console.moments import left_the_map, map_at
+from hypermap.console.moments import left_the_map, map_at, version_in
 from hypermap.console.places import names_rooms, parse_area, parse_point
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
@@ -80,6 +81,7 @@ def query_of(hypermap: Hypermap, given: Options) -> Query:
     names, number = tuple(given.get("--name") or ()), given.get("--value")
     layers = tuple(given.get("--layer") or ())
     measured = _measured(given)
+    now = _time_asked(given)
     give = _give(hypermap, given)
     if give == "places" and measured is not None and layers:
         measured, layers = Measured(layers[0], measured.above, measured.below), ()
@@ -93,7 +95,7 @@ def query_of(hypermap: Hypermap, given: Options) -> Query:
         ids=(int(number),) if number is not None and is_number else (),
         where=tuple(_where(hypermap, given, frame)),
         when=tuple(
-            When(kind, parse_moment(given[option], option))
+            When(kind, parse_moment(given[option], option, now))
             for option, kind in _TIMES.items()
             if given.get(option) is not None
         ),
@@ -106,6 +108,14 @@ def query_of(hypermap: Hypermap, given: Options) -> Query:
         start=start,
         by="path" if given.get("--by") == "path" else "air",
     )
+
+
+def _time_asked(given: Options) -> datetime | None:
+    """Return the time as of which a map is asked; None for now and for a version."""
+    text = given.get("--as-of")
+    if text is None or version_in(text) is not None:
+        return None
+    return parse_moment(text, "--as-of")
 
 
 def rows_of(hypermap: Hypermap, answer: Answer) -> list[Row]:

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import datetime
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,7 +75,7 @@ def answer_to(
             check_length(question)
             text, moment = without_as_of(question)
             about_values = value_query(text, hypermap, vocabulary)
-            query = about_values or _understood(text, hypermap, vocabulary)
+            query = about_values or _understood(text, hypermap, vocabulary, moment)
             query = replace(query, as_of=moment)
         except NotUnderstood:
             if model is None:
@@ -86,17 +87,20 @@ def answer_to(
     return replace(answer, notes=(*notes, *answer.notes))
 
 
-def _understood(text: str, hypermap: Hypermap, vocabulary: Vocabulary) -> Query:
+def _understood(
+    text: str, hypermap: Hypermap, vocabulary: Vocabulary, now: datetime | None
+) -> Query:
     """Return the query that a text asks, also about names that are not on the map any more."""
     from hypermap.questions.english import NotUnderstood, understand
 
     try:
-        return understand(text, vocabulary)
+        return understand(text, vocabulary, now)
     except NotUnderstood:
         gone = names_before(hypermap).difference(vocabulary.objects)
         if not gone:
             raise
-        return understand(text, replace(vocabulary, objects=(*vocabulary.objects, *sorted(gone))))
+        known = replace(vocabulary, objects=(*vocabulary.objects, *sorted(gone)))
+        return understand(text, known, now)
 
 
 def ask_map(
