@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import queue
 
 from rich.console import Console
 
@@ -45,6 +46,24 @@ def test_one_of_a_thing_is_told_in_the_singular(monkeypatch, capsys):
         report(Progress(done=1, total=1, objects=1, counts=Counts(used=1)))
     assert "map," in screen.getvalue()
     assert "frame, 0.0/s, 1 object," in screen.getvalue()
+
+
+def test_a_work_of_unknown_length_says_that_it_goes_on(monkeypatch, capsys):
+    with progress.working("aligning b.hmap"):  # which takes no time, so nothing is said
+        pass
+    assert capsys.readouterr().err == ""
+    said: queue.Queue[str] = queue.Queue()
+    monkeypatch.setattr(progress, "_EVERY", 0.0)
+    monkeypatch.setattr(progress, "note", said.put)
+    with progress.working("aligning b.hmap"):
+        assert said.get(timeout=10) == "aligning b.hmap ..."
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=120)
+    monkeypatch.setattr(progress, "err", lambda: console)
+    with progress.working("aligning [b].hmap"):
+        pass
+    assert "aligning [b].hmap" in screen.getvalue()
+    assert "0:00:00" in screen.getvalue()
 
 
 def test_a_pace_leaves_out_the_first_frame_which_loads_code(monkeypatch):

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import AsJson, Force, MapPath, OptionalMapOutput, check_new_map
+from hypermap.cli.options import AsJson, Force, MapPath, OptionalMapOutput, check_new_map, name_of
+from hypermap.cli.progress import working
 from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.two_maps import InitialPose
@@ -85,9 +86,10 @@ def command(
         raise HypermapError("--new-frame: the result of --local is in the frame of MAP")
     about = None if initial is None else parse_pose(initial, "--initial")
     first, second = open_map(path), open_map(other)
-    found = align(first, second, initial=about, is_bent=local)
-    pose = found.a_T_b
-    bend = bend_of(first, second, pose) if local else None
+    with working(f"aligning {name_of(other)}"):
+        found = align(first, second, initial=about, is_bent=local)
+        pose = found.a_T_b
+        bend = bend_of(first, second, pose) if local else None
     backup = None
     if output is not None:
         if bend is not None:

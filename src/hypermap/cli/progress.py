@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeAlias
 
 from hypermap.cli.terminal import err, note
-from hypermap.text import counted, noun
+from hypermap.text import counted, noun, visible
 
 if TYPE_CHECKING:
     from hypermap.mapping.recording_to_map import Progress
@@ -63,6 +64,26 @@ def counting(what: str, total: int, unit: str, units: str = "") -> Iterator[Call
     ) as bar:
         task = bar.add_task(what, total=total)
         yield lambda: bar.advance(task)
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Show that a work goes on of which nobody knows how long: a clock, or a line after 5 s."""
+    if err().is_terminal:
+        from rich import progress as rich
+
+        columns = rich.TextColumn("{task.description}", markup=False), rich.TimeElapsedColumn()
+        with rich.Progress(rich.SpinnerColumn(), *columns, console=err(), transient=True) as bar:
+            bar.add_task(visible(what), total=None)
+            yield
+        return
+    timer = threading.Timer(_EVERY, note, (f"{what} ...",))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _count_lines(what: str, total: int, all_units: str) -> Callable[[], None]:

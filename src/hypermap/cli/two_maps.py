@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.options import name_of
+from hypermap.cli.progress import working
 
 if TYPE_CHECKING:
     from hypermap.core.frames import Pose2D
@@ -72,6 +73,7 @@ def pose_on(
             "layer; if both are in one frame, give --same-frame"
         )
     try:
-        return align(first, second, initial=about).a_T_b
+        with working(f"aligning {name_of(name)}"):
+            return align(first, second, initial=about).a_T_b
     except NotAligned as error:
         raise NotAligned(f"{name_of(name)}: {error}; --same-frame skips this") from None
