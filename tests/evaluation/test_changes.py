@@ -227,6 +227,10 @@ def test_the_picture_shows_every_kind_and_an_arrow(tmp_path: Path) -> None:
     svg = path.read_text()
     for words in ("monday to tuesday", "plant: now vase", "sofa", "4 changes, 1 object unchanged"):
         assert words in svg, words
+    added = between(before, map_of(*before["semantic"].objects(), thing("sofa", 1, 5)))
+    render_changes(before, added, path)
+    assert "as it is now" in path.read_text()
+    assert "as it was" not in path.read_text()  # nothing is drawn as it was
     path = tmp_path / "none.png"
     grid = OccupancyLayer("grid", "map", GridGeometry(9, 9, 1.0), np.zeros((9, 9), int))
     render_changes(Hypermap([grid]), Changes((), 3), path)

@@ -87,5 +87,8 @@ def _explain(error: dict[str, Any]) -> str:
         return "is required, but missing"
     if error["type"] == "value_error":
         return str(error["ctx"]["error"])
+    if error["type"] == "too_long":
+        most, actual = error["ctx"]["max_length"], error["ctx"]["actual_length"]
+        return f"at most {most} values are expected, found {actual or 'more'}"
     message = str(error["msg"]).replace("valid tuple", "list")  # files have no tuples
     return f"{message[0].lower()}{message[1:]}, found {found(error['input'])}"

@@ -93,9 +93,10 @@ def _compose(hypermap: Hypermap, changes: Changes, title: str, is_over_time: boo
     arrows = [_arrow(one, other) for one, other in pairs if one and other]
     count = counted(len(changes.changes), "change")
     latest = {(change.layer, change.object.id): change for change in changes.changes}.values()
+    shapes = _after(latest if is_over_time else changes.changes), _before(changes)
     return replace(
         compose(Hypermap([*grids, things], hypermap.frames), title=title),
-        shapes=(_after(latest if is_over_time else changes.changes), _before(changes)),
+        shapes=tuple(part for part in shapes if len(part.names)),
         colors=COLORS,
         subtitle=f"{count}, {counted(changes.unchanged, 'object')} unchanged, frame {base}",
         arrows=np.array(arrows, dtype=np.float64).reshape(-1, 2, 2),

@@ -239,6 +239,7 @@ def test_a_picture_of_floating_point_numbers_is_refused() -> None:
         ("0.05", "fine", "resolution: input should be a valid number, unable to parse string"),
         ("origin: [-1.0, 2.0, 0.5]\n", "", "origin: is required, but missing"),
         ("2.0, 0.5]", "2.0]", "origin[2]: is required, but missing"),
+        ("2.0, 0.5]", "2.0, 0, 0.5]", "origin: at most 3 values are expected, found 4"),
         ("2.0, 0.5]", ".nan, 0.5]", "origin[1]: input should be a finite number, found nan"),
         ("negate: 0", "negate: 7", "negate: input should be a valid boolean"),
         ("resolution: 0.05\n", "", "resolution: is required, but missing"),
