@@ -274,3 +274,17 @@ def test_where_most_rays_pass_that_it_stopped_it_is_not_there(passing: int, is_t
             second = dataclasses.replace(look(*days), before=layer, after=layer.objects())
             assert (second.chance(change) > 0.8) == is_there
             assert (second.chance(change) < 0.2) != is_there
+
+
+@pytest.mark.parametrize(
+    ("passing", "looks", "is_there"),
+    [(2, 4, True), (2, 12, False), (0, 12, True)],
+    ids=["few looks", "many looks", "all rays end there"],
+)
+def test_what_many_frames_do_not_detect_is_gone_where_most_rays_pass_in_any_case(
+    passing: int, looks: int, is_there: bool
+) -> None:
+    """As below a table: few rays tell whether it is there."""
+    reach = np.where(np.arange(80) % 4 < passing, 6.0, 2.0)  # of some columns, rays pass
+    without = frames(1, *[None] * looks, reach=reach)
+    assert (look(frames(0, *SEEN, reach=reach), without).chance(LEFT) > 0.8) == is_there

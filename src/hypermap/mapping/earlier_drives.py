@@ -36,6 +36,7 @@ T = TypeVar("T")
 _LEAST = 0.2  # [m]; least distance of centroids for a move within an object's place
 _PER_AREA = 0.4  # [m] per square meter of an object of which a drive may see only one side
 _AS_MUCH = 0.5  # share of the floor that a moved object leaves, from which it takes about as much
+_GROWN = 0.2  # share of the floor that it takes, below which what it leaves tells of no move
 _LITTLE = 0.4  # IoU below which it is not in its place, whether or not this was seen
 _APART = 0.2  # IoU below which another shape does not tell that it has stayed
 _VIEWS = 2  # of the floor that it has left or taken
@@ -170,7 +171,8 @@ def _has_shifted(tracks: TrackTable, known: int, fresh: int) -> bool:
     Some pieces of evidence of both drives must agree on places apart, and this drive must have seen
     the floor where it was. Its shape may be another one only if it is hardly in its place any more.
     A large object must have moved farther, because a drive may see only one side of it, unless
-    about as much floor is taken as is left, and earlier views saw that.
+    about as much floor is taken as is left, and earlier views saw that. What leaves hardly any has
+    not moved: more of it is seen, or something beside it is taken for a part of it.
     """
     track, own = tracks.objects[known], tracks.objects[fresh]
     if min(len(track.buffer), len(own.buffer)) < CONFIRMED or track.by_hand is not None:
@@ -254,7 +256,8 @@ def _is_elsewhere(
         return bool(shared < _LITTLE * together) and not fills_its_place(here, was)
     if shift >= _PER_AREA * min(here.area, was.area) and not fills_its_place(here, was):
         return True
-    return bool(taken.area >= _AS_MUCH * left.area) and _saw(taken, earlier)
+    is_larger = left.area < _GROWN * taken.area  # rather than elsewhere
+    return not is_larger and bool(taken.area >= _AS_MUCH * left.area) and _saw(taken, earlier)
 
 
 def _only_in(one: BaseGeometry, other: BaseGeometry) -> BaseGeometry:

@@ -41,8 +41,10 @@ _APART = 0.1  # share of an object that another one beside it may seem to take
 _FOUND = 0.8  # share of such frames that detect an object which is there
 _FALSE = 0.05  # share of those that detect one which is not there
 _DIFFERS = 0.35  # share of the rays stopped by an object from which on more or fewer pass
-_EMPTY = 0.5  # share of all rays by which so many more pass that its place is empty
+_EMPTY = 0.4  # share of all rays by which so many more pass that its place is empty
 _THIN = 0.85  # share of the rays that pass a thin object, such as a lamp
+_HOLLOW = 0.5  # share of those that pass one with much free space below it, such as a table
+_MANY = 12  # frames, all of which a detector hardly overlooks the same object in
 _IN_PLACE = 0.1  # share of an object's floor on which another thing may be there instead
 _LIKELY = 0.5  # least chance that a drive shows two objects, and not one of them twice
 _SURE = 0.9  # how likely it is what such rays tell
@@ -98,7 +100,8 @@ class SecondLook:
 
         Beside another one of its class, it may also be a second object of that one: then the drive
         that shows it hardly detects both at once. But where rays pass that it stopped in the other
-        drive, it is not there, and where as many are stopped, it is, whatever is detected.
+        drive, it is not there, and where as many are stopped, it is, whatever is detected; but not
+        where most rays pass it anyway, and none of many frames detects it.
         """
         present, *earlier = rows_of_drives(len(self.log.frames), self.drives)[::-1]
         has_come, item, shapes = change.kind == ADDED, change.object, self._with_rivals(change)
@@ -116,6 +119,8 @@ class SecondLook:
         more = looks.passed - with_it.passed
         if more >= _EMPTY:  # the detections are of what is beside it
             return min(stayed, 1 - _SURE)
+        if with_it.passed > _HOLLOW and looks.shown >= _MANY and looks.detected == 0:
+            return stayed  # few of the rays tell
         is_as_full = abs(more) < _DIFFERS * (1 - with_it.passed) and not self._is_taken(change)
         return max(stayed, _SURE) if is_as_full else stayed
 
