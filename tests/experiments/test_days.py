@@ -11,6 +11,7 @@ import pytest
 
 from hypermap.cli.experiment_days import run
 from hypermap.cli.experiment_plan import Plan
+from hypermap.core.history import ADDED
 from hypermap.experiments.day_causes import CAUSES
 from hypermap.experiments.days import Series, Tally, count_day, map_day, map_one
 from hypermap.mapping.config import profile
@@ -59,6 +60,37 @@ def test_what_was_moved_out_of_sight_is_rightly_told_as_gone() -> None:
     assert tally.looked.true == {"moved": 0, "removed": 0, "added": 0}
     for counts in (tally.in_sight.true, tally.in_sight.right, tally.in_sight.reported):
         assert counts == {"moved": 0, "removed": 1, "added": 0}
+
+
+def test_a_report_of_a_true_change_whose_place_does_not_count_is_not_wrong() -> None:
+    """As of a table of which the robot looked at one end only."""
+    world, config = built_in_world("demo"), profile("default")
+    series = Series(world, 3, errors_of_level("none"), 0.5, 2)
+    chair = next(one for one in world.objects if one.label == "chair")
+    second = Day.first(world)
+    thing = second.things[world.objects.index(chair)]
+    rest = tuple(one for one in world.objects if one is not chair)
+    things = tuple(one for one in second.things if one != thing)
+    first = Day(dataclasses.replace(world, objects=rest), things, (), second.next_thing)
+    before = map_day(series, first, 0, None, config)
+    after = map_day(series, second, 1, before, config)
+    assert after.hypermap.history is not None
+    changes = after.hypermap.history.revisions()[-1].changes
+    (told,) = (one for one in changes if one.kind == ADDED and one.object.name == "chair")
+    seen = [told.object.footprint.centroid.buffer(0.2)] * 3
+    aside = dataclasses.replace(chair, at=(chair.place[0] + 0.5, chair.place[1]))
+    for place, counts in ((chair, 1), (aside, 0)):
+        change = WorldChange("added", thing, None, place)
+        day = dataclasses.replace(second, changes=(change,))
+        tally = Tally("demo", 3)
+        count_day(
+            tally,
+            dataclasses.replace(before, visible=seen),
+            dataclasses.replace(after, visible=seen, day=day),
+        )
+        looked = tally.looked
+        assert (looked.true["added"], looked.right["added"]) == (counts, counts)
+        assert looked.reported["added"] == counts
 
 
 def test_misses_and_errors_are_listed() -> None:

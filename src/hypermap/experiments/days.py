@@ -232,8 +232,12 @@ class _Compared:
         said: Sequence[Change],
         days: tuple[MappedDay, MappedDay],
     ) -> _Compared:
-        """Compare those whose places the robot looked at on both days."""
-        of_kind = [one for one in true if one.kind == kind and _is_seen(_places(one), days)]
+        """Compare those whose places the robot looked at on both days.
+
+        What the map reports of others that are true, or of swaps, is neither right nor wrong.
+        """
+        real = [one for one in true if one.kind == kind]
+        of_kind = [one for one in real if _is_seen(_places(one), days)]
         kept = [one for one in said if one.kind == _REPORTED[kind] and not one.is_doubtful]
         reported = [one for one in kept if _is_seen(_centers(one), days)]
         pairs = _pairs(of_kind, reported)
@@ -241,14 +245,16 @@ class _Compared:
         others = [one for j, one in enumerate(reported) if j not in right]
         swaps = [change for change in days[1].day.changes if change.kind == "swapped"]
         swaps = swaps if kind == "moved" else []
-        excused = {j for _, j in _pairs(swaps, others)}
+        swapped_found = {j for _, j in _pairs(swaps, others)}
+        uncounted = [one for one in real if one not in of_kind]
+        excused = swapped_found | {j for _, j in _pairs(uncounted, others)}
         return cls(
             kind,
             [of_kind[i] for i, _ in pairs],
             [one for i, one in enumerate(of_kind) if i not in found],
             [one for j, one in enumerate(others) if j not in excused],
             sum(_is_seen(_places(change), days) for change in swaps),
-            len(excused),
+            len(swapped_found),
         )
 
 
