@@ -36,7 +36,8 @@ from hypermap.mapping.prepared_polygon import PreparedPolygon
 _VISIBLE = 0.5  # share of an object that a frame must be able to see
 _BESIDE = 0.1  # [m] between an object and a detection of it, at most
 _NEXT = 0.5  # [m] between two objects, one of which may be a second one of the other
-_LARGE = 0.3  # [m]; smaller objects cannot be told from others beside them, or walls behind
+_LARGE = 0.3  # [m]; outlines and poses are off by as much as smaller objects
+_DEEP = 0.2  # [m]; thinner objects cannot be told from others beside them, or walls behind
 _APART = 0.1  # share of an object that another one beside it may seem to take
 _FOUND = 0.8  # share of such frames that detect an object which is there
 _FALSE = 0.05  # share of those that detect one which is not there
@@ -283,7 +284,7 @@ def _detects(frame: LoggedFrame, name: str, shapes: Sequence[BaseGeometry]) -> b
 
 def _stops_rays(item: SemanticObject, looks: _Looks) -> bool:
     """Return whether rays tell if an object is there: at what is thin or flat, few of them end."""
-    return looks.passed <= _THIN and _depth(valid_copies(as_objects([item.footprint]))[0]) >= _LARGE
+    return looks.passed <= _THIN and _depth(valid_copies(as_objects([item.footprint]))[0]) >= _DEEP
 
 
 def _depth(shape: BaseGeometry) -> float:
