@@ -207,8 +207,8 @@ def test_outlines_that_cross_themselves_are_compared_all_the_same() -> None:
 
 
 THING = SemanticObject("bin", shapely.box(1.8, 0.1, 2.2, 0.5), id=8, attributes=HEIGHTS)
-SHELF = dataclasses.replace(THING, footprint=shapely.box(1.92, -0.2, 2.08, 0.2))
-PLANT = dataclasses.replace(THING, footprint=shapely.box(1.88, -0.2, 2.12, 0.2))
+SHELF = dataclasses.replace(CHAIR, footprint=shapely.box(1.92, -0.2, 2.08, 0.2))
+PLANT = dataclasses.replace(CHAIR, footprint=shapely.box(1.88, -0.2, 2.12, 0.2))
 
 
 @pytest.mark.parametrize(
