@@ -296,7 +296,7 @@ def test_the_nearest_objects_to_a_point_in_another_frame(client):
         ({"within": 1.0}, "within needs near or origin"),
         ({"near": "table", "within": -1.0}, "within must not be negative"),
         ({"near": "table", "within": math.nan}, "within must not be negative"),
-        ({"layer": "occupancy"}, "layer 'occupancy' is a OccupancyGridLayer"),
+        ({"layer": "occupancy"}, "layer 'occupancy' is of the kind OccupancyLayer"),
         ({"layer": "attic"}, "there is no layer 'attic'"),
     ],
 )
