@@ -182,22 +182,19 @@ def test_a_sofa_is_moved_if_it_is_where_floor_was_seen(
     assert sofa.footprint.centroid.x == pytest.approx(1.6 if is_moved else 1.0, abs=0.02)
 
 
-def test_what_is_taken_for_larger_than_it_was_has_not_moved() -> None:
-    """As a bench that is seen as one with the next one."""
+@pytest.mark.parametrize(
+    ("before", "now"),
+    [((0.0, 2.0), (0.07, 3.1)), ((0.0, 3.8), (0.0, 1.95))],
+    ids=["seen as one now", "seen as one before"],
+)
+def test_of_two_benches_seen_as_one_the_one_that_stays_was_not_moved(
+    before: tuple[float, float], now: tuple[float, float]
+) -> None:
     evidence = EvidenceMap(DEFAULT)
-    for second in range(8):
-        evidence.update(seen(shapely.box(0.0, 0.0, 2.0, 0.9), stamp=second))
-    for second in range(6):
-        evidence.update(seen(shapely.box(0.07, 0.0, 3.1, 0.9), stamp=DAY + second))
-    assert "moved" not in only(evidence).attributes
-
-
-def test_of_two_benches_seen_as_one_before_the_one_that_stays_was_not_moved() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(8):
-        evidence.update(seen(shapely.box(0.0, 0.0, 3.8, 0.6), stamp=second))
-    for second in range(6):
-        evidence.update(seen(shapely.box(0.0, 0.0, 1.95, 0.6), stamp=DAY + second))
+    for start, count, (left, right) in ((0.0, 8, before), (DAY, 6, now)):
+        for second in range(count):
+            shape = shapely.box(left, 0.0, right, 0.9)
+            evidence.update(seen(shape, stamp=start + second))
     assert "moved" not in only(evidence).attributes
 
 

@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 import shapely
+from numpy.typing import NDArray
 
 from hypermap.core.history import History, Mapped
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.mapping.drives import Drive
-from hypermap.mapping.frame_log import FrameLog, LogPart
+from hypermap.mapping.frame_log import FrameLog, LogPart, MapBefore
 from hypermap.mapping.shifts import Shifts
+from hypermap.mapping.tracks import TrackTable
 
 MORNING = Drive("morning", first=0.0, last=4.0, keys=list(range(5)))
 EVENING = Drive("evening", first=0.0, last=4.0, keys=list(range(5)), offset=7200.0)
@@ -31,7 +33,9 @@ def history_of(*objects: SemanticObject, mapped: Mapped | None = None) -> Histor
 
 def log(xs: Mapping[str, Sequence[float]], lost: int = 0) -> FrameLog:
     """Return the log of drives whose camera is at these places along x, without the oldest."""
-    stamps, frames, poses = [], [], []
+    stamps: list[float] = []
+    frames: list[bytes] = []
+    poses: list[NDArray[np.float64]] = []
     for name, places in xs.items():
         for second, x in enumerate(places):
             pose = np.eye(4)
@@ -39,7 +43,8 @@ def log(xs: Mapping[str, Sequence[float]], lost: int = 0) -> FrameLog:
             stamps.append(float(second))
             frames.append(f"{name} {second}".encode())
             poses.append(pose)
-    return FrameLog([LogPart(None, stamps[lost:], frames[lost:], poses[lost:])])  # type: ignore[arg-type]
+    before = MapBefore(TrackTable(20.0), np.zeros(2, np.int64), None)
+    return FrameLog([LogPart(before, stamps[lost:], frames[lost:], poses[lost:])])
 
 
 BEFORE = {"morning": [0.0] * 5, "evening": [0.0] * 5}
