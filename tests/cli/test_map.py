@@ -94,6 +94,13 @@ def edited(path: Path) -> None:
     document.save()
 
 
+def renamed_in_python(path: Path) -> None:
+    """Rename an object in a program, and save the map."""
+    found = open_map(path)
+    found.semantic().rename(found.semantic().ids[0], "throne")
+    save_map(found, path)
+
+
 def drawn(path: Path) -> None:
     """Save a map that was never made of a recording."""
     save_map(Hypermap([SemanticLayer("semantic", "map", [square("zone", 0, 0)])]), path)
@@ -103,6 +110,7 @@ def drawn(path: Path) -> None:
     ("change", "reason"),
     [
         (edited, "it was edited by hand, with hypermap view"),
+        (renamed_in_python, "it was edited by hand"),
         (drawn, "it was not made by mapping"),
     ],
 )

@@ -12,10 +12,12 @@ from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.core.history import MAP_ID, MAP_VERSION
-from hypermap.core.hypermap import Hypermap
+from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.formats.archive import read_archive
 from hypermap.formats.atomic import Undo, refuse_link_out, unfinished_file, why_not_written
 from hypermap.formats.config import CONFIG_NAME, file_of_map, parse_config
+from hypermap.formats.history_file import KEY as HISTORY
+from hypermap.formats.history_file import edited_layers
 from hypermap.formats.hmap import MAPPER_STATE, archive_of_map, open_map, replace_map
 from hypermap.formats.journal import final_of
 from hypermap.history import version_of
@@ -188,11 +190,16 @@ def why_precious(archive: Path) -> str | None:
     """Return why mapping could not make an archive again; None if it could, or it is not a map."""
     try:
         files = read_archive(archive).files
-        metadata = parse_config(files[CONFIG_NAME], str(archive)).metadata
+        config = parse_config(files[CONFIG_NAME], str(archive))
     except (HypermapError, OSError, KeyError):
         return None
+    metadata = config.metadata
     if EDITED_WITH in metadata:
         return f"it was edited by hand, with {metadata[EDITED_WITH]}"
-    if BY_HAND in metadata:
+    names = config.others.get(HISTORY)
+    listed = [str(name) for name in names] if isinstance(names, list) else []
+    history = (files[name] for name in listed if name in files)
+    # `hypermap rooms` can find rooms again.
+    if BY_HAND in metadata or edited_layers(history) - {ROOMS}:
         return "it was edited by hand"
     return None if metadata.keys() >= _OF_MAPPING else "it was not made by mapping"

@@ -36,6 +36,7 @@ KEY = "history"
 _PER_METER = 10_000  # the unit of coordinates is 0.1 mm
 _FULL = 256 * 1024  # bytes of a file, from which on another one is begun
 _DAY, _LONG_PAUSE = 86_400.0, 30 * 86_400.0  # s
+_EDIT = b'"cause":"edit"'
 _LOST = b'{"lost":true}\n'
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 _WRONG = (
@@ -112,6 +113,16 @@ def history_files(history: History, policy: HistoryPolicy) -> dict[str, bytes]:
             before += b"\n"
         kept[name] = before + dump_revision(revision) + b"\n"
     return _bounded(kept, policy) if added else kept
+
+
+def edited_layers(files: Iterable[bytes]) -> set[str]:
+    """Return the names of the layers whose objects a person or a program has changed.
+
+    What cannot be read is left out.
+    """
+    edits = (_revision_in(line) for file in files for line in file.splitlines() if _EDIT in line)
+    changes = (change for edit in edits if edit is not None for change in edit.changes)
+    return {change.layer for change in changes}
 
 
 def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]:
