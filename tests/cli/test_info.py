@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+import zipfile
+
 import pytest
+import shapely
 from PIL import Image
 
-from hypermap import Hypermap, SemanticLayer, save_map
+from hypermap import Hypermap, SemanticLayer, SemanticObject, open_map, save_map
 from hypermap.core.opaque import OpaqueLayer
 
 from ..recordings.bag_builder import write_bag
@@ -32,6 +35,30 @@ def test_a_map_is_described_for_people(hypermap, room_map):
     assert "semantic: 2 chair, 1 potted plant" in text
     assert "30 x 20 cells of 0.5 m: Free 180, Occupied 20, Unknown 400" in text
     assert "frame room is in map at x 10, y 0, yaw 1.5708" in text
+
+
+def test_a_backup_is_a_map_too(hypermap, room_map, tmp_path):
+    backup = tmp_path / "room.hmap.bak"
+    backup.write_bytes(room_map.read_bytes())
+    assert hypermap("info", backup).out == hypermap("info", room_map).out
+
+
+def test_what_is_lost_of_the_history_is_said(hypermap, tmp_path):
+    path = tmp_path / "a.hmap"
+    found = Hypermap([SemanticLayer("semantic", "map")], metadata={"map_id": "00ff"})
+    found.save(path)
+    found = open_map(path)
+    for name in ("cup", "mug"):
+        found.semantic().add(SemanticObject(name, shapely.box(0, 0, 1, 1)))
+        found.save(path)
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content[:-20] if name.startswith("history") else content)
+    result = hypermap("info", path)
+    assert "semantic: 1 cup, 1 mug" in result.out
+    assert "1 part of it cannot be read: what changed after version 1" in result.err
 
 
 def test_a_layer_says_in_its_own_words_what_it_holds(hypermap, tmp_path):

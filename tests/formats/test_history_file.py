@@ -159,7 +159,8 @@ def test_of_a_damaged_history_the_rest_is_read_and_what_is_lost_is_said(
             (2, False),
             (4, True),
         ]
-    assert "a part of the map's history is lost: 1 part " in caplog.text
+    said = "a part of the map's history is lost: 1 part of it cannot be read: what changed "
+    assert f"{said}between versions 2 and 4" in caplog.text
     with pytest.raises(HypermapError, match="in version 2 the map is not known: a later part"):
         at_version(opened, 2)
 

@@ -29,12 +29,12 @@ DAY = 1_700_000_000.0
 class Node:
     """A live map and what saves it, as the node has them."""
 
-    def __init__(self, file: Path, *, onto: bool = True) -> None:
+    def __init__(self, file: Path, *, onto: bool = True, saves: bool = True) -> None:
         settings = LiveSettings(
             depth_topic="/depth",
             detections_topic="/boxes",
             onto=str(file) if onto else "",
-            save_to=str(file),
+            save_to=str(file) if saves else "",
             save_every=0.0,
         )
         self.lines: list[str] = []
@@ -81,6 +81,13 @@ def edit(file: Path, change: Callable[[SemanticLayer], object]) -> None:
 
 def names(file: Path) -> list[str]:
     return sorted(item.name for item in open_map(file).semantic().objects())
+
+
+def test_it_is_a_warning_that_a_map_goes_on_and_is_saved_nowhere(node: Node, file: Path) -> None:
+    (line,) = Node(file, saves=False).lines
+    assert line.startswith("warning: no save_to (-o) says where")
+    (line,) = Node(file, onto=False, saves=False).lines
+    assert line.startswith("info: ")
 
 
 def test_what_people_edit_in_the_file_of_a_live_map_stays(node: Node, file: Path) -> None:

@@ -66,7 +66,10 @@ def command(
     if is_map(path):
         from hypermap.formats import open_map
 
-        content = describe_map(open_map(path))
+        hypermap = open_map(path)
+        if hypermap.history is not None:
+            hypermap.history.revisions()  # which says if a part of it is lost
+        content = describe_map(hypermap)
         is_long = logging.getLogger("hypermap").isEnabledFor(logging.INFO)
         show = functools.partial(show_map, with_settings=is_long)
     else:
@@ -87,7 +90,8 @@ def is_map(path: Path) -> bool:
         return True
     if path.is_dir():
         return (path / "hmap_config.yaml").is_file()
-    return path.suffix.lower() in {".hmap", ".yaml", ".yml"}
+    name = path.with_suffix("") if path.suffix.lower() == ".bak" else path
+    return name.suffix.lower() in {".hmap", ".yaml", ".yml"}
 
 
 def describe_map(hypermap: Hypermap) -> dict[str, Any]:

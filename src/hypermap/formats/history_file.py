@@ -81,16 +81,21 @@ class HistoryFiles:
     def _parsed(self) -> tuple[Revision, ...]:
         revisions: list[Revision] = []
         is_lost, lost = False, 0
+        when: list[str] = []
         for line in _lines({name: content or _LOST for name, content in self.files.items()}):
             revision = _revision_in(line)
             if revision is not None:
+                if is_lost:
+                    when.append(_span(revisions[-1:], revision))
                 revisions.append(replace(revision, follows_loss=is_lost))
             is_lost = revision is None
             lost += is_lost
         self._is_end_lost = is_lost
+        if is_lost:
+            when.append(_span(revisions[-1:], None))
         if lost:
-            said = "%s: a part of the map's history is lost: %s of it cannot be read"
-            logger.warning(said, self.where, counted(lost, "part"))
+            said = "%s: a part of the map's history is lost: %s of it cannot be read: %s"
+            logger.warning(said, self.where, counted(lost, "part"), ", ".join(when))
         return tuple(revisions)
 
 
@@ -171,6 +176,15 @@ def _is_confirmed(stamp: float, stamps: Sequence[float]) -> bool:
     """Return whether there are two later times, each at least a day after the one before."""
     second = bisect_left(stamps, stamp + _DAY)
     return second < len(stamps) and stamps[-1] - stamps[second] >= _DAY
+
+
+def _span(before: Sequence[Revision], after: Revision | None) -> str:
+    """Say when what is lost between two revisions had changed, of which there may be none."""
+    if after is None:
+        return f"what changed after version {before[0].version}" if before else "all of it"
+    if not before:
+        return f"what changed before version {after.version}"
+    return f"what changed between versions {before[0].version} and {after.version}"
 
 
 def _lines(files: Mapping[str, bytes]) -> Iterator[bytes]:

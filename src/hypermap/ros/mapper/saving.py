@@ -48,7 +48,9 @@ class Saving:
         # The wall's clock: that of a simulator or a bag may stand still.
         self._thread: threading.Thread | None = None
         if self._path is None:
-            port.log("info", "no save_to says where: the map is saved only when save_map is called")
+            level: Level = "warning" if settings.onto else "info"  # who goes on also wants to save
+            said = "no save_to (-o) says where: the map is saved only when save_map is called"
+            port.log(level, said)
             return
         often = f"every {self._every:g} s and " if self._every else ""
         port.log("info", f"the map is saved in {self._path}, {often}at the end")
