@@ -317,6 +317,23 @@ def test_history_lists_versions_and_bounds_and_exports_them(
     assert_one_error(hypermap("history", office, "--keep", "long"), "keep: expected a time")
 
 
+def test_a_wrong_policy_of_a_map_is_said_and_mended(
+    hypermap: Run, office: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "wrong.hmap"
+    with zipfile.ZipFile(office) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "hmap_config.yaml":
+                content = content.replace(b"map_version:", b"history: 7\n  map_version:")
+            new.writestr(name, content)
+    said = "expected keep and max_mb, got 7; `hypermap history MAP --keep 90d` mends it"
+    assert_one_error(hypermap("history", path), said)
+    assert hypermap("history", path, "--keep", "9d").out.endswith(
+        "of 9d, at most 100 MB, are kept\n"
+    )
+
+
 def test_who_changes_a_map_keeps_nobody_from_reading_it_nor_itself_from_saving(
     hypermap: Run, office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -219,6 +219,11 @@ def _damaged(hypermap: Hypermap) -> Hypermap:
     return hypermap
 
 
+def _of_a_wrong_policy(hypermap: Hypermap) -> Hypermap:
+    hypermap.metadata["history"] = {"keep": "long"}
+    return hypermap
+
+
 def _of_the_future(hypermap: Hypermap) -> Hypermap:
     hypermap.metadata["config"]["evidence"]["telepathy"] = 3
     return hypermap
@@ -258,10 +263,23 @@ def test_a_map_with_defaults_of_an_earlier_version_keeps_them_when_its_profile_i
             {},
             "made by another version: config: evidence.telepathy: unk",
         ),
+        (
+            _of_a_wrong_policy,
+            {},
+            "keep: expected a time such as 90d, got 'long'; `hypermap history",
+        ),
         (lambda m: m, {"config": profile("thesis")}, "made with perception: method: enclosed, not"),
         (lambda m: m, {"frame_id": "odom"}, "the poses are in the frame 'odom', and the map in"),
     ],
-    ids=["not ours", "no state", "damaged", "newer", "other configuration", "other frame"],
+    ids=[
+        "not ours",
+        "no state",
+        "damaged",
+        "newer",
+        "policy",
+        "other configuration",
+        "other frame",
+    ],
 )
 def test_mapping_says_why_it_cannot_go_on(spoil, options, message) -> None:
     hypermap = spoil(mapped(walk(3).items))

@@ -11,6 +11,7 @@ import typer
 from hypermap.cli.change_rows import summary_of
 from hypermap.cli.options import AsJson, Force, MapPath, check_edited, check_output
 from hypermap.cli.terminal import note, out, say, say_json, table
+from hypermap.core.errors import HypermapError
 from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
@@ -96,7 +97,11 @@ def _set_policy(hypermap: Hypermap, path: Path, keep: str | None, max_mb: float 
     from hypermap.history import POLICY, HistoryPolicy, begin_history
 
     given = {"keep": keep, "max_mb": max_mb}
-    values = _policy(hypermap) | {key: value for key, value in given.items() if value is not None}
+    try:
+        values = _policy(hypermap)
+    except HypermapError:  # it is mended
+        values = asdict(HistoryPolicy())
+    values |= {key: value for key, value in given.items() if value is not None}
     hypermap.metadata[POLICY] = asdict(HistoryPolicy(**values))
     if begin_history(hypermap):
         note(f"{path} keeps its history from now on")
@@ -133,6 +138,7 @@ def _show(hypermap: Hypermap, rows: list[dict[str, Any]]) -> None:
     if hypermap.history is None:
         say("this map keeps no history; --keep 90d begins one")
         return
+    policy = _policy(hypermap)
     if rows:
         shown = table("version", "when", "by", "changes", right=("version",))
         for row, revision in zip(rows, hypermap.history.revisions(), strict=True):
@@ -142,6 +148,5 @@ def _show(hypermap: Hypermap, rows: list[dict[str, Any]]) -> None:
             made = "?" if revision.time is None else time_of(revision.time)
             shown.add_row(str(row["version"]), made, by, lost + (counts or "nothing"))
         out().print(shown)
-    policy = _policy(hypermap)
     kept = f"changes of {policy['keep']}, at most {policy['max_mb']:g} MB, are kept"
     say(f"{counted(len(rows), 'version')}; {kept}")

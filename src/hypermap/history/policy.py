@@ -48,6 +48,9 @@ class HistoryPolicy:
             HypermapError: If it says something else.
         """
         said = metadata.get(POLICY) or {}
-        if not isinstance(said, Mapping) or not said.keys() <= {"keep", "max_mb"}:
-            raise HypermapError(f"history: expected keep and max_mb, got {said!r}")
-        return cls(**said)
+        try:
+            if not isinstance(said, Mapping) or not said.keys() <= {"keep", "max_mb"}:
+                raise HypermapError(f"history: expected keep and max_mb, got {said!r}")
+            return cls(**said)
+        except HypermapError as error:
+            raise HypermapError(f"{error}; `hypermap history MAP --keep 90d` mends it") from None

@@ -13,6 +13,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.backup import BY_HAND
+from hypermap.history import HistoryPolicy
 from hypermap.mapping.by_hand import HandEdit, hand_edits, ids_by_edit, marked
 from hypermap.mapping.config import MappingConfig, profile_like, to_dict
 from hypermap.mapping.mapper_state import MapperState, parse_published, parse_state
@@ -59,6 +60,10 @@ def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None)
             "the state of the mapper is not in the map, for example after --drop-evidence; "
             "map all recordings again"
         )
+    try:
+        HistoryPolicy.of(hypermap.metadata)  # without which nothing could be saved in the end
+    except HypermapError as error:
+        raise CannotGoOn(str(error)) from error
     return config
 
 
