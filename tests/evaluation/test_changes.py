@@ -181,6 +181,7 @@ def test_what_only_one_map_knows_has_neither_come_nor_gone() -> None:
 def test_only_some_names_are_asked_for_and_an_unknown_one_is_an_error() -> None:
     first, second = map_of(thing("chair", 0, 0), thing("cup", 2, 2)), map_of(thing("cup", 5, 5))
     assert said(between(first, second, names=["cup"])) == [("moved", "cup")]
+    assert said(between(first, second, names="cup")) == [("moved", "cup")]
     with pytest.raises(HypermapError, match="no object is called 'chiar'; did you mean 'chair'"):
         between(first, second, names=["chiar"])
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import fft, optimize
 
 from hypermap.alignment.grids import Field, Scan, scan_of, wall_tolerance
+from hypermap.core.arguments import check_kind
 from hypermap.core.arrays import FloatArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
@@ -94,7 +95,10 @@ def align(
         NotAligned: If no pose matches well enough, or several match about equally.
         LayerNotFound: If a map has no occupancy layer of that name.
         HypermapError: If a map has none at all, or an empty one.
+        TypeError: If one is not a map.
     """
+    check_kind(first, Hypermap)
+    check_kind(second, Hypermap)
     a, b = _scan("first", first, layers[0]), _scan("second", second, layers[1])
     fits = _refined(a, b, _candidates(a, b, initial))
     if not fits:

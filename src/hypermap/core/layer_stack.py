@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.arrays import PointsLike
 from hypermap.core.errors import FrameError, HypermapError, LayerNotFound, did_you_mean
 from hypermap.core.frames import FrameTree, Pose2D
@@ -63,8 +64,10 @@ class LayerStack:
 
         Raises:
             LayerNotFound: If there is none.
+            TypeError: If the name is no text.
         """
         if name not in self._layers:
+            check_kind(name, str)
             raise LayerNotFound(name, self._layers)
         return self._layers[name]
 

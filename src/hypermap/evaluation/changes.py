@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.history import (
@@ -66,7 +67,7 @@ def changes_between(
     min_moved: float = MIN_MOVED,
     is_known: tuple[IsKnown, IsKnown] | None = None,
     same_ids: bool = False,
-    names: Collection[str] | None = None,
+    names: str | Collection[str] | None = None,
 ) -> Changes:
     """Return what changed from one map to another of the same place.
 
@@ -80,11 +81,15 @@ def changes_between(
         min_moved: minimum distance of a move [m].
         is_known: for each map, whether it knows a place; None if both know everything.
         same_ids: whether equal ids mean the same object, as in a map and its continuation.
-        names: only objects with one of these names; None for all.
+        names: only objects with this name, or one of several; None for all.
 
     Raises:
         HypermapError: If neither map has an object of a name.
+        TypeError: If one is a map, not its objects.
     """
+    check_kind(first, MapObjects)
+    check_kind(second, MapObjects)
+    names = {names} if isinstance(names, str) else names
     _check_names(names or (), {thing.name for thing in (*first.objects, *second.objects)})
     knows: tuple[IsKnown, IsKnown] = is_known or (_always, _always)
     found: list[Change] = []

@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.arrays import FloatArray, IntArray, as_point_xy
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
@@ -21,6 +22,7 @@ from hypermap.exploration.next_views import NextView, find_next_views
 from hypermap.exploration.sensor import Sensor
 from hypermap.paths import FreeSpace, Path, PathSettings, Planner
 from hypermap.paths.places import Place
+from hypermap.paths.settings import robot_of
 
 LEAST_SIZE = 0.5
 """Default minimum length of a frontier [m]; shorter ones are mostly gaps between rays."""
@@ -61,6 +63,7 @@ class Explorer:
         HypermapError: If there is not one such layer, it is empty, there is no such place, or the
             robot cannot be there.
         FrameError: If the layer's frame is not connected to the base frame.
+        TypeError: If it is not a map, or the settings, the sensor or a zone are something else.
 
     Source: the discount exp(-0.2 d) is that of González-Baños and Latombe, "Navigation strategies
     for exploring indoor environments", IJRR 2002.
@@ -86,11 +89,13 @@ class Explorer:
         keepout: Iterable[Zone | BaseGeometry] = (),
         occupancy: str | None = None,
     ) -> None:
-        robot = settings or PathSettings()
+        robot = robot_of(settings)
+        check_kind(hypermap, Hypermap)
         if not isinstance(start, str | int):
             start = as_point_xy(start)
             hypermap = _with_robot(hypermap, start, robot.robot_radius, occupancy)
         self.sensor = sensor or Sensor()
+        check_kind(self.sensor, Sensor)
         self.planner = Planner(hypermap, robot, keepout=keepout, occupancy=occupancy)
         self._hypermap = hypermap
         self._start = _nearest_fit(self.planner.space, self.planner.point_of(start))

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.history import MAP_VERSION, History
 from hypermap.core.hypermap import Hypermap
@@ -105,7 +106,9 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
         MissingExtra: If the format is Parquet and pyarrow is not installed.
         FileMissing: If the folder to save in does not exist.
         HypermapError: If it cannot be written, or there is no plug-in for one of its layers.
+        TypeError: If it is not a map.
     """
+    check_kind(hypermap, Hypermap)
     replace_map(hypermap, path, semantic)
 
 

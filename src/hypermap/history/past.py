@@ -12,6 +12,7 @@ from datetime import date, datetime
 from datetime import time as clock
 from numbers import Real
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.history import MAP_VERSION, Change, Revision
 from hypermap.core.hypermap import Hypermap
@@ -42,6 +43,7 @@ def as_of(hypermap: Hypermap, moment: datetime | date | str | float) -> Hypermap
         ValueError: If the text or number is not a time.
         TypeError: If it is something else.
     """
+    check_kind(hypermap, Hypermap)
     stamp = _stamp(moment)
     is_now = stamp >= time.time()
     past, _ = _before(hypermap, lambda begun, _: begun > stamp, f"at {_said(stamp)}", is_now)
@@ -54,7 +56,9 @@ def at_version(hypermap: Hypermap, version: int) -> Hypermap:
     Raises:
         HypermapError: If there is no such version yet, the map keeps no history, or it does not
             reach back so far.
+        TypeError: If it is not a map.
     """
+    check_kind(hypermap, Hypermap)
     check_version(hypermap, version)
     is_now = version == version_of(hypermap)
     when = f"in version {version}"

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.arrays import PointsLike, as_point_xy
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
@@ -68,7 +69,9 @@ def find_notes(
     Raises:
         LayerNotFound, FrameError: If the layer or the frame is unknown.
         HypermapError: If the layer is of a different kind.
+        TypeError: If it is not a map.
     """
+    check_kind(hypermap, Hypermap)
     base = hypermap.base_frame
     base_T_asked = hypermap.frames.lookup(base, frame_id or base)
     in_base = None if area is None else base_T_asked.apply_geometry(area)
@@ -121,7 +124,10 @@ def add_note(
     Raises:
         FrameError: If the frame is unknown.
         HypermapError: If the layer is of a different kind, or there are several and none is named.
+        TypeError: If it is not a map, or not a note.
     """
+    check_kind(hypermap, Hypermap)
+    check_kind(note, Note)
     base = hypermap.base_frame
     base_T_asked = hypermap.frames.lookup(base, frame_id or base)
     in_base = note.moved(base_T_asked)

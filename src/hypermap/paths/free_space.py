@@ -17,7 +17,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OCCUPIED, OccupancyLayer
-from hypermap.paths.settings import PathSettings
+from hypermap.paths.settings import PathSettings, robot_of
 from hypermap.paths.strips import Strips, strips_of
 
 _DECIMALS = 6  # of a cell; closer points count as on the border of cells
@@ -68,13 +68,14 @@ class FreeSpace:
 
         Raises:
             HypermapError: If the layer is empty.
+            TypeError: If the settings are something else, such as a radius.
 
         Source: the cost is that of Nav2's inflation layer, 252 exp(-scaling (distance - radius)),
         weighed as its NavFn planner does, (50 + 0.8 cost) / 50.
         """
         if occupancy.grid is None or occupancy.cells is None:
             raise HypermapError(f"layer {occupancy.name!r} is empty, so there are no paths in it")
-        chosen = PathSettings() if settings is None else settings
+        chosen = robot_of(settings)
         unknown = occupancy.cells < 0
         occupied = occupancy.cells >= OCCUPIED / 2
         blocked = occupied if chosen.unknown_is_free else occupied | unknown

@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.arrays import IntArray, PointsLike, as_point_xy
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
@@ -92,6 +93,7 @@ class Planner:
     Raises:
         HypermapError: If there is not one such layer, or it is empty.
         FrameError: If its frame is not connected to the base frame.
+        TypeError: If it is not a map, or the settings or a zone are something else.
 
     >>> import numpy as np
     >>> from hypermap import GridGeometry, Hypermap, OccupancyLayer
@@ -111,6 +113,7 @@ class Planner:
         keepout: Iterable[Zone | BaseGeometry] = (),
         occupancy: str | None = None,
     ) -> None:
+        check_kind(hypermap, Hypermap)
         areas = [area for zone in keepout for area in _areas(hypermap, zone)]
         self.space = FreeSpace.of(_in_base_frame(hypermap, occupancy), settings, areas)
         self.places = Places(hypermap)
@@ -321,6 +324,7 @@ def _areas(hypermap: Hypermap, zone: Zone | BaseGeometry) -> list[BaseGeometry]:
     """Return the areas of a keepout zone, in the base frame."""
     if isinstance(zone, BaseGeometry):
         return [zone]
+    check_kind(zone, Zone)
     return [
         shapely.buffer(item.object.footprint, zone.margin) for item in hypermap.objects(zone.name)
     ]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from hypermap.core.arguments import check_kind
+
 STAND_OFF = 0.6
 """Default distance from which a robot looks at an object [m]."""
 
@@ -34,3 +36,14 @@ class PathSettings:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be 0 or more, got {value}")
+
+
+def robot_of(settings: PathSettings | None) -> PathSettings:
+    """Return the settings that are given, or those of a point for None.
+
+    Raises:
+        TypeError: If it is something else, such as a radius.
+    """
+    chosen = PathSettings() if settings is None else settings
+    check_kind(chosen, PathSettings)
+    return chosen

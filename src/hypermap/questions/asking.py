@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.embeddings import TextEncoder
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.frames import Pose2D
@@ -126,7 +127,9 @@ def ask_map(
         NotUnderstood: If the text cannot be read.
         HypermapError: If the question cannot be answered.
         ValueError: If the pose is no place.
+        TypeError: If it is not a map.
     """
+    check_kind(hypermap, Hypermap)
     asker = pose if pose is None or isinstance(pose, Pose2D) else _pose_of(pose)
     if isinstance(question, str):
         return answer_to(hypermap, question, asker, taxonomy, robot_radius, encoder=encoder)

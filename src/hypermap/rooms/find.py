@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.arrays import BoolArray, FloatArray, IntArray
 from hypermap.core.cell_outlines import cell_outlines
 from hypermap.core.errors import HypermapError
@@ -64,7 +65,9 @@ def find_rooms(
 
     Raises:
         HypermapError: If the layer is empty, or has no free cell.
+        TypeError: If it is not an occupancy layer.
     """
+    check_kind(occupancy, OccupancyLayer)
     chosen = RoomSettings() if settings is None else settings
     if occupancy.grid is None or occupancy.cells is None:
         raise HypermapError(f"layer {occupancy.name!r} is empty, so there are no rooms to find")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -35,7 +36,9 @@ def rooms_of_map(
         HypermapError: If there is not one such layer, it has no free cell, or the layer `rooms` is
             of a different kind.
         FrameError: If a layer's frame is not connected to that of the occupancy.
+        TypeError: If it is not a map.
     """
+    check_kind(hypermap, Hypermap)
     grid = hypermap.occupancy(occupancy)
     objects: list[SemanticObject] = []
     for layer in hypermap:
@@ -49,7 +52,14 @@ def rooms_of_map(
 
 
 def with_rooms(hypermap: Hypermap, rooms: Rooms) -> Hypermap:
-    """Return a map with these rooms as its layer `rooms`, which replaces an older one."""
+    """Return a map with these rooms as its layer `rooms`, which replaces an older one.
+
+    Raises:
+        HypermapError: If there is a layer of another kind of that name.
+        TypeError: If it is not a map, or these are not rooms.
+    """
+    check_kind(hypermap, Hypermap)
+    check_kind(rooms, Rooms)
     previous = _previous(hypermap)
     layer = rooms.layer()
     if previous is None:

@@ -6,6 +6,7 @@ import io
 
 from PIL import Image
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.errors import FormatError
 from hypermap.core.pictures import MOST_SCANS, ObjectPicture, scans_of
 
@@ -17,7 +18,9 @@ def image_of(picture: ObjectPicture) -> Image.Image:
 
     Raises:
         FormatError: If the JPEG file is damaged or too large, or has too many scans.
+        TypeError: If it is not a picture of an object.
     """
+    check_kind(picture, ObjectPicture)
     if (scans := scans_of(picture.jpeg)) > MOST_SCANS:
         raise FormatError(f"the picture has {scans} scans; at most {MOST_SCANS} are read")
     try:

@@ -14,12 +14,13 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap.colors import Color, class_colors
+from hypermap.core.arguments import check_kind
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
-from hypermap.core.hypermap import ROOMS
+from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.layer import Layer, RasterPicture, ShapesPicture
-from hypermap.core.shapes import valid_copies
+from hypermap.core.shapes import as_area, valid_copies
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.atomic import write_file
 from hypermap.formats.limits import MAX_PLACE
@@ -29,7 +30,6 @@ from hypermap.viewer.note_marks import Mark, marks_of
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-    from hypermap.core.hypermap import Hypermap
     from hypermap.exploration import Frontier
 
 SUFFIXES = (".png", ".svg")
@@ -151,6 +151,7 @@ def render(
         HypermapError: If the suffix is another, there is nothing to draw, the area is empty or far
             away, no value has contours, or a name is unknown.
         LayerNotFound: If there is no such layer.
+        TypeError: If it is not a map, or the area is not a shapely geometry.
     """
     path = Path(path)
     check_suffix(path)
@@ -189,6 +190,7 @@ def compose(
     title: str = "",
 ) -> Drawing:
     """Return what `render` draws: all layers brought into the base frame, and the view."""
+    check_kind(hypermap, Hypermap)
     layers = [layers] if isinstance(layers, str) else layers
     names = [names] if isinstance(names, str) else names
     shown = hypermap.layers if layers is None else [hypermap[name] for name in layers]
@@ -203,7 +205,7 @@ def compose(
     if names is not None:
         shapes = [_only(part, names, colors) for part in shapes]
     marks = marks_of(hypermap, shown) if names is None else ()
-    if area is not None and not np.abs(area.bounds).max() <= MAX_PLACE:
+    if area is not None and not np.abs(as_area(area).bounds).max() <= MAX_PLACE:
         raise HypermapError(f"the area to draw is farther away than {MAX_PLACE:g} m, or empty")
     view = _view(rasters, shapes, marks, full or area is not None)
     is_empty = not (rasters or marks or any(len(s.names) for s in shapes))

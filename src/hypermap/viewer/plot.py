@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from hypermap.core.arguments import check_kind
 from hypermap.text import printable
 from hypermap.viewer.picture import compose
 
@@ -50,6 +51,7 @@ def plot(
         HypermapError: If there is nothing to draw, the area is empty or far away, no value has
             contours, or a name is unknown.
         LayerNotFound: If there is no such layer.
+        TypeError: If it is not a map, the area is not a shapely geometry, or the axes are none.
     """
     drawing = compose(
         hypermap,
@@ -61,6 +63,7 @@ def plot(
         full=full,
         labels=labels,
     )
+    from matplotlib.axes import Axes
     from matplotlib.patches import Patch
 
     from hypermap.viewer.drawing import draw_into
@@ -70,6 +73,7 @@ def plot(
         from matplotlib import pyplot
 
         axes = pyplot.figure(layout="constrained").add_subplot()
+    check_kind(axes, Axes)
     draw_into(axes, drawing)
     if legend:
         shown = sorted({str(name) for part in drawing.shapes for name in part.names})

@@ -55,6 +55,14 @@ def test_a_layer_is_a_collection_of_features_in_metres() -> None:
     ]
 
 
+def test_the_name_of_a_file_in_the_place_of_its_content_is_refused_with_the_remedy() -> None:
+    with pytest.raises(FormatError, match=r"; of a file, give the content: Path\(file\).read_text"):
+        from_geojson("cups.geojson")
+    with pytest.raises(FormatError) as caught:
+        from_geojson("{", path="cups.geojson")
+    assert "give the content" not in str(caught.value)
+
+
 def test_heights_of_coordinates_are_left_out_and_a_byte_order_mark_is_read(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

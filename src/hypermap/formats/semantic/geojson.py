@@ -19,6 +19,7 @@ import shapely
 from pydantic import Field
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.errors import FormatError
 from hypermap.core.objects import MAX_ID
 from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -34,6 +35,7 @@ logger = logging.getLogger(__name__)
 
 _HALF = re.compile(r"\\u[dD][89a-fA-F]")  # of a character, and often the other half behind it
 _AREAS = ("Polygon", "MultiPolygon")
+_CONTENT = 'Path(file).read_text(encoding="utf-8")'
 _WRONG = (
     ValueError,
     TypeError,
@@ -71,7 +73,9 @@ def to_geojson(layer: SemanticLayer) -> str:
     Raises:
         FormatError: If an object has an attribute that JSON cannot hold.
         HypermapError: If a text holds half of a character.
+        TypeError: If it is not a semantic layer.
     """
+    check_kind(layer, SemanticLayer)
     for text in (layer.name, layer.frame_id):
         check_savable(text, f"layer {layer.name!r}")
     collection = {
@@ -109,11 +113,15 @@ def from_geojson(
 
     Raises:
         FormatError: Naming the feature that is wrong.
+        TypeError: If it is no text.
     """
+    check_kind(text, str)
     try:
         document = json.loads(text.removeprefix("\ufeff"), parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
-        raise FormatError(f"is not valid JSON: {error}", path=path) from error
+        is_name = path is None and "{" not in text
+        hint = f"; of a file, give the content: {_CONTENT}" if is_name else ""
+        raise FormatError(f"is not valid JSON: {error}{hint}", path=path) from error
     collection = check(_Collection, document, path)
     if _HALF.search(text):
         for i, item in enumerate(collection.features):

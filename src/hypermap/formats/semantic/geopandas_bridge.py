@@ -8,10 +8,12 @@ import math
 import tempfile
 import warnings
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hypermap.core.arguments import check_kind
 from hypermap.core.errors import FormatError, MissingExtra
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.objects import SemanticObject
@@ -39,11 +41,10 @@ def to_geodataframe(source: SemanticLayer | Hypermap) -> GeoDataFrame:
     Raises:
         MissingExtra: If geopandas is not installed.
         HypermapError: If a text holds half of a character.
+        TypeError: If it is neither a semantic layer nor a map.
     """
-    try:
-        import geopandas
-    except ImportError:
-        raise MissingExtra("a GeoDataFrame", "geo") from None
+    check_kind(source, SemanticLayer, Hypermap)
+    geopandas = _geopandas()
     if isinstance(source, Hypermap):
         found = source.objects()
         items, frame_id = [hit.object for hit in found], source.base_frame
@@ -64,6 +65,15 @@ def to_geodataframe(source: SemanticLayer | Hypermap) -> GeoDataFrame:
     except UnicodeEncodeError as error:
         check_savable(error.object, "a text")
         raise
+
+
+def _geopandas() -> ModuleType:
+    try:
+        import geopandas
+    except ImportError:
+        raise MissingExtra("a GeoDataFrame", "geo") from None
+    module: ModuleType = geopandas
+    return module
 
 
 def to_geopackage(layer: SemanticLayer) -> bytes:
@@ -116,7 +126,10 @@ def from_geodataframe(
 
     Raises:
         FormatError: Naming the row that is wrong; or if the coordinates are not meters of a frame.
+        MissingExtra: If geopandas is not installed.
+        TypeError: If it is not a GeoDataFrame.
     """
+    check_kind(frame, _geopandas().GeoDataFrame)
     frame_id = frame_of(_system_of(frame), frame_id, _WHERE, "crs")
     geometries, rows = list(frame.geometry), frame.drop(columns=frame.geometry.name)
     if rows.index.name == "id" and "id" not in rows:
