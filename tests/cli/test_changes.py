@@ -158,6 +158,10 @@ def test_times_before_now_are_before_the_time_that_is_asked(hypermap: Run, tmp_p
         options = ("--not-seen-for", ago, "--as-of", asked, "--json")
         answers = hypermap("query", tmp_path / "office.hmap", *options).json["answers"]
         assert [row["label"] for row in answers] == found
+    for option, found in (("--not-seen-for", []), ("--since", ["cup", "chair"])):
+        options = (option, "1h", "--as-of", "v1", "--json")  # since when it is as in this version
+        answers = hypermap("query", tmp_path / "office.hmap", *options).json["answers"]
+        assert [row["label"] for row in answers] == found
     said = hypermap("ask", tmp_path / "office.hmap", f"what is new since 4 hours ago as of {asked}")
     assert len(said.out.splitlines()) == 2
 

@@ -6,6 +6,7 @@ import datetime
 import logging
 import time
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -182,6 +183,52 @@ def test_before_an_end_of_the_history_that_is_lost_nothing_is_known(tmp_path: Pa
     for later in (opened, open_map(path)):
         with pytest.raises(HypermapError, match="in version 3 the map is not known: a later part"):
             at_version(later, 3)
+
+
+def edited(path: Path, change: Callable[[bytes], bytes]) -> Hypermap:
+    """Return a map in an archive whose history is changed, with checksums that fit."""
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in files.items():
+            is_history = name.startswith("history.")
+            archive.writestr(name, change(content) if is_history else content)
+    return open_map(path)
+
+
+@pytest.mark.parametrize("lines", [1, 2])
+def test_that_whole_lines_at_the_end_are_missing_is_noticed(tmp_path: Path, lines: int) -> None:
+    path = tmp_path / "office.hmap"
+    office(path)
+    opened = edited(path, lambda content: b"".join(content.splitlines(keepends=True)[:-lines]))
+    with pytest.raises(HypermapError, match="the end of its history is lost, so only the"):
+        at_version(opened, 2)
+    assert at_version(opened, 4).semantic().names.tolist() == ["stool"]
+    opened.semantic().rename(3, "bench")
+    save_map(opened, path)
+    again = open_map(path)
+    assert at_version(again, 4).semantic().names.tolist() == ["stool"]
+    with pytest.raises(HypermapError, match="in version 3 the map is not known"):
+        at_version(again, 3)
+
+
+def test_a_line_that_stands_twice_is_told_once(tmp_path: Path) -> None:
+    path = tmp_path / "office.hmap"
+    office(path)
+    opened = edited(path, lambda content: content + content.splitlines(keepends=True)[-1])
+    assert opened.history is not None
+    assert [one.version for one in opened.history.revisions()] == [2, 3, 4]
+    assert at_version(opened, 3).semantic().names.tolist() == ["seat"]
+
+
+def test_a_version_that_is_lost_is_known_by_the_one_after_it(tmp_path: Path) -> None:
+    path = tmp_path / "office.hmap"
+    office(path)
+    damaged(path, b'"version":3')
+    opened = open_map(path)
+    assert at_version(opened, 3).semantic().names.tolist() == ["seat"]
+    with pytest.raises(HypermapError, match="in version 2 the map is not known: a later part"):
+        at_version(opened, 2)
 
 
 @pytest.mark.parametrize("value", ['"far"', "NaN", "1e400", "true", "[1]"])

@@ -19,6 +19,7 @@ from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.value_layer import ValueLayer
+from hypermap.history import time_of_version
 from hypermap.perception.embedders.load import load_embedder
 from hypermap.questions.answer import Answer, ask
 from hypermap.questions.cells import Cell
@@ -60,8 +61,9 @@ def answered(hypermap: Hypermap, given: Options) -> Answered:
         HypermapError: If a value is none of its kind, the question has no meaning, names an
             unknown layer or frame, or asks for a time that the map does not know.
     """
+    asked_at = _time_asked(hypermap, given)
     hypermap, now = map_at(hypermap, given.get("--as-of"))
-    query = query_of(hypermap, given)
+    query = query_of(hypermap, given, asked_at)
     folder = given.get("--embedder")
     encoder = None if folder is None else load_embedder(folder)
     radius = given.get("--robot-radius") or 0.0
@@ -70,8 +72,13 @@ def answered(hypermap: Hypermap, given: Options) -> Answered:
     return Answered(hypermap, answer, rows, _remarks(hypermap, given, rows))
 
 
-def query_of(hypermap: Hypermap, given: Options) -> Query:
+def query_of(hypermap: Hypermap, given: Options, now: datetime | None = None) -> Query:
     """Return the query that options ask; its points and areas are in the base frame.
+
+    Args:
+        hypermap: the map, as it was if an earlier time was given.
+        given: the options.
+        now: the time that times such as "12h" are before; None for the present.
 
     Raises:
         HypermapError: As `answered`.
@@ -81,7 +88,6 @@ def query_of(hypermap: Hypermap, given: Options) -> Query:
     names, number = tuple(given.get("--name") or ()), given.get("--value")
     layers = tuple(given.get("--layer") or ())
     measured = _measured(given)
-    now = _time_asked(given)
     give = _give(hypermap, given)
     if give == "places" and measured is not None and layers:
         measured, layers = Measured(layers[0], measured.above, measured.below), ()
@@ -110,12 +116,16 @@ def query_of(hypermap: Hypermap, given: Options) -> Query:
     )
 
 
-def _time_asked(given: Options) -> datetime | None:
-    """Return the time as of which a map is asked; None for now and for a version."""
+def _time_asked(hypermap: Hypermap, given: Options) -> datetime | None:
+    """Return the time as of which a map is asked; None for now, and where it is not known."""
     text = given.get("--as-of")
-    if text is None or version_in(text) is not None:
+    if text is None:
         return None
-    return parse_moment(text, "--as-of")
+    version = version_in(text)
+    if version is None:
+        return parse_moment(text, "--as-of")
+    stamp = time_of_version(hypermap, version)
+    return None if stamp is None else datetime.fromtimestamp(stamp).astimezone()
 
 
 def rows_of(hypermap: Hypermap, answer: Answer) -> list[Row]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import re
 import threading
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -30,14 +31,16 @@ from hypermap.text import counted
 
 logger = logging.getLogger(__name__)
 
-KEY = "history"
-"""The configuration's key that lists the files of the history, oldest first."""
+KEY, END_KEY = "history", "history_end"
+"""The configuration's keys: that lists the files of the history, oldest first; and that holds the
+version of the last line, by which it is known that it is there."""
 
 _PER_METER = 10_000  # the unit of coordinates is 0.1 mm
 _FULL = 256 * 1024  # bytes of a file, from which on another one is begun
 _DAY, _LONG_PAUSE = 86_400.0, 30 * 86_400.0  # s
 _EDIT = b'"cause":"edit"'
 _LOST = b'{"lost":true}\n'
+_VERSION = re.compile(rb'\{"version":(\d{1,9}),')
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 _WRONG = (
     *(KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError),
@@ -82,9 +85,13 @@ class HistoryFiles:
         revisions: list[Revision] = []
         is_lost, lost = False, 0
         when: list[str] = []
+        told: set[int] = set()  # hashes of the lines
         for line in _lines({name: content or _LOST for name, content in self.files.items()}):
             revision = _revision_in(line)
             if revision is not None:
+                if hash(line) in told:  # it stands twice
+                    continue
+                told.add(hash(line))
                 if is_lost:
                     when.append(_span(revisions[-1:], revision))
                 revisions.append(replace(revision, follows_loss=is_lost))
@@ -128,6 +135,27 @@ def edited_layers(files: Iterable[bytes]) -> set[str]:
     edits = (_revision_in(line) for file in files for line in file.splitlines() if _EDIT in line)
     changes = (change for edit in edits if edit is not None for change in edit.changes)
     return {change.layer for change in changes}
+
+
+def end_of(files: dict[str, bytes] | dict[str, bytes | None]) -> int | None:
+    """Return the version of the last line of a history; None if it cannot be read."""
+    content = next(reversed(files.values()), None) or b""
+    found = _VERSION.match(content.rstrip(b"\n").rpartition(b"\n")[2])
+    return None if found is None else int(found[1])
+
+
+def with_end(files: dict[str, bytes | None], end: Any) -> dict[str, bytes | None]:
+    """Return files with a line that says so if their last lines are lost.
+
+    Args:
+        files: by name, oldest first; None for one that is lost.
+        end: the version of their last line; None if it is not known.
+    """
+    last = end_of(files)
+    if last is None or not isinstance(end, int) or last >= end:
+        return dict(files)
+    name = next(reversed(files))
+    return {**files, name: (files[name] or b"").rstrip(b"\n") + b"\n" + _LOST}
 
 
 def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]:

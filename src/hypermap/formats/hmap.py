@@ -36,8 +36,9 @@ from hypermap.formats.config import (
 )
 from hypermap.formats.grid.budget import check_cells
 from hypermap.formats.grid.map_server import load_occupancy
+from hypermap.formats.history_file import END_KEY as HISTORY_END
 from hypermap.formats.history_file import KEY as HISTORY
-from hypermap.formats.history_file import HistoryFiles, history_files
+from hypermap.formats.history_file import HistoryFiles, end_of, history_files, with_end
 from hypermap.formats.journal import read_as_saved
 from hypermap.formats.plugins import LayerPlugin, blamed_on_plugin, installed_layers, plugin_for
 from hypermap.formats.semantic.yaml_files import SemanticFiles, SemanticForm
@@ -193,7 +194,9 @@ def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
     # Files that no known layer reads belong to the unknown ones.
     layers = list(_read_layers(config.layers, claims, store.path_of(config_name)))
     mapper_state = _read_mapper_state(config.others.pop(MAPPER_STATE, None), claims)
-    history = _read_history(config.others.pop(HISTORY, None), claims)
+    history = _read_history(
+        config.others.pop(HISTORY, None), config.others.pop(HISTORY_END, None), claims
+    )
     opaque = [layer for layer in layers if isinstance(layer, OpaqueLayer)]
     for layer in opaque:
         if (file := layer.settings.get("file")) is not None:
@@ -226,12 +229,18 @@ def _read_mapper_state(name: Any, store: Store) -> bytes | None:
         return None
 
 
-def _read_history(names: Any, store: Store) -> History | None:
-    """Return the history of a map, unparsed; a file of it that is lost is logged."""
+def _read_history(names: Any, end: Any, store: Store) -> History | None:
+    """Return the history of a map, unparsed; a file of it that is lost is logged.
+
+    Args:
+        names: of its files.
+        end: the version of its last line; None in maps of older programs.
+        store: with the files.
+    """
     if not isinstance(names, list) or not names:
         return None
     files = {str(name): _read_part(str(name), store) for name in names}
-    earlier = HistoryFiles(files, store.path_of(HISTORY))
+    earlier = HistoryFiles(with_end(files, end), store.path_of(HISTORY))
     return History(earlier=earlier, loses_end=earlier.loses_end)
 
 
@@ -335,6 +344,8 @@ def _write_map(
             raise HypermapError(f"the history cannot be saved: another file is named {clash!r}")
         if kept:
             others[HISTORY] = list(kept)
+        if (end := end_of(kept)) is not None:
+            others[HISTORY_END] = end
         store.files.update(kept)
     config = MapConfig(entries, hypermap.frames, metadata, others)
     store.files[config_name] = dump_config(config)

@@ -8,6 +8,7 @@ from hypermap.history.past import (
     at_version,
     check_version,
     is_known_from_the_beginning,
+    time_of_version,
 )
 from hypermap.history.placed import placed
 from hypermap.history.policy import POLICY, HistoryPolicy
@@ -29,5 +30,6 @@ __all__ = [
     "keeps_history",
     "next_expiry",
     "placed",
+    "time_of_version",
     "version_of",
 ]

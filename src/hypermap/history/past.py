@@ -62,8 +62,15 @@ def at_version(hypermap: Hypermap, version: int) -> Hypermap:
     check_version(hypermap, version)
     is_now = version == version_of(hypermap)
     when = f"in version {version}"
-    past, stamp = _before(hypermap, lambda _, one: one.version > version, when, is_now)
+    past, stamp = _before(hypermap, lambda _, one: one.version > version, when, is_now, version)
     return _with_values_at(_seen_by(past, stamp), stamp)
+
+
+def time_of_version(hypermap: Hypermap, version: int) -> float | None:
+    """Return since when a map was as in a version, in seconds since 1970; None if unknown."""
+    dated = [] if hypermap.history is None else hypermap.history.dated()
+    begun = [begins for begins, revision in dated if revision.version <= version]
+    return begun[-1] if begun and math.isfinite(begun[-1]) else None
 
 
 def is_known_from_the_beginning(hypermap: Hypermap) -> bool:
@@ -126,9 +133,16 @@ def _is_seen_after(stamp: float, item: SemanticObject) -> bool:
 
 
 def _before(
-    hypermap: Hypermap, is_later: Callable[[float, Revision], bool], when: str, is_now: bool
+    hypermap: Hypermap,
+    is_later: Callable[[float, Revision], bool],
+    when: str,
+    is_now: bool,
+    version: int | None = None,
 ) -> tuple[Hypermap, float]:
-    """Return a map before its later revisions, and when it began to be so; infinite for now."""
+    """Return a map before its later revisions, and when it began to be so; infinite for now.
+
+    The revision that follows a version leads back to it, even if those right before are lost.
+    """
     history = hypermap.history
     dated = [] if history is None else list(history.dated())
     if history is not None and history.is_end_lost and not (is_now and dated):
@@ -147,10 +161,11 @@ def _before(
         )
     # Some of another layer may stay among those that are undone.
     since = [revision for _, revision in dated if undone and revision.version >= undone[0].version]
-    if any(revision.follows_loss for revision in since):
+    leads_back = [one for one in since if one.version - 1 != version]
+    if any(revision.follows_loss for revision in leads_back):
         raise HypermapError(f"{when} the map is not known: a later part of its history is lost")
     began, last = [pair for pair in dated if pair[1] not in undone][-1]
-    return _without(hypermap, undone, last.version), began if undone else math.inf
+    return _without(hypermap, undone, version or last.version), began if undone else math.inf
 
 
 def _without(hypermap: Hypermap, undone: list[Revision], version: int) -> Hypermap:

@@ -60,11 +60,12 @@ def departed(hypermap: Hypermap, is_meant: Callable[[str], bool]) -> Departed | 
         if revision.version > now:
             continue
         gone = [change for change in revision.changes if _takes_away(change, is_meant)]
+        if revision.follows_loss:  # of what was before it, the version right before is known alone
+            found = None if found is None else replace(found, version=None)
+            previous = None if previous is None else revision.version - 1
         if gone:
             last = max(gone, key=lambda one: _was(one).last_seen or 0.0)
             found = Departed(_was(placed(hypermap, last)), revision, previous)
-        if found is not None and revision.follows_loss:  # the map before it is not known
-            found = replace(found, version=None)
         previous = revision.version
     return found
 
