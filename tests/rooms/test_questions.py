@@ -10,6 +10,8 @@ from hypermap.console.commands import Console
 from hypermap.console.questions import answered
 from hypermap.core.errors import HypermapError
 from hypermap.rooms import is_reachable, room_of, rooms_asked, rooms_of_map, rooms_with, with_rooms
+from hypermap.rooms.questions import rooms_called
+from hypermap.rooms.rooms import known_rooms
 
 from .conftest import two_rooms
 
@@ -52,6 +54,26 @@ def ids(found) -> set[int]:
 def test_what_is_in_a_room_is_found_by_its_name_kind_or_id(flat, where, expected):
     assert ids(flat.objects(inside=where)) == expected
     assert ids(flat.objects(["cup", "printer"], inside=where)) == expected & {12, 13, 14}
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["room", "room 2"], {"room 0": "room", "room 1": None, "Room 2": "room 2"}),
+        (["Room 1", "room 2"], {"room 0": None, "room 1": "Room 1", "room 2": "room 2"}),
+        (["room 1", "Room 1"], {"room 1": "room 1", "Room 1": "Room 1"}),
+        (["room 2", "room 2"], {"room 0": "room 2", "room 1": "room 2"}),
+        (["hall", "den"], {"room 0": "hall", "room 1": "den", "Den": "den", "room 2": None}),
+    ],
+)
+def test_a_name_comes_before_an_id(flat, names, expected):
+    layer = two_rooms().layer()
+    hypermap = with_rooms(Hypermap([layer]), rooms_of_map(Hypermap([layer])))
+    for number, name in enumerate(names):
+        hypermap.semantic("rooms").rename(number, name)
+    known = known_rooms(hypermap)
+    found = {what: [room.name for room in rooms_called(known, what)] for what in expected}
+    assert found == {what: [] if name is None else [name] for what, name in expected.items()}
 
 
 def test_a_kind_means_all_rooms_of_it():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -15,16 +16,23 @@ from hypermap.rooms.kinds import rooms_of_points
 from hypermap.rooms.room_graph import graph
 from hypermap.rooms.rooms import Room, Rooms, known_rooms, rooms_on
 
+_NUMBERED = re.compile(r"room\s+(\d+)", re.IGNORECASE)
+
 
 def rooms_called(rooms: Rooms, what: str) -> list[Room]:
     """Return the rooms with a name or of a kind; of "room 3", if none has that name, that by id.
 
-    A name counts as it is written, a kind in any case.
+    A name counts as it is written, or else in any case, as a kind does. A room that is the only
+    one called "room 2" is not "room 3" by its id.
     """
-    found = [room for room in rooms if what == room.name or what.lower() == room.kind.lower() != ""]
-    by_id = re.fullmatch(r"room\s+(\d+)", what)
-    if not found and by_id is not None:
-        found = [room for room in rooms if room.id == int(by_id[1])]
+    asked = what.lower()
+    found = [room for room in rooms if what == room.name or asked == room.kind.lower() != ""]
+    found = found or [room for room in rooms if asked == room.name.lower()]
+    if not found and (by_id := _NUMBERED.fullmatch(what)) is not None:
+        names = Counter(room.name.lower() for room in rooms)
+        numbered = {name for name in names if names[name] == 1 and _NUMBERED.fullmatch(name)}
+        same_id = [room for room in rooms if room.id == int(by_id[1])]
+        found = [room for room in same_id if room.name.lower() not in numbered]
     return found
 
 
