@@ -149,6 +149,10 @@ class RoomSentences(Phrases):
     def where_room(self, parts: list[Any]) -> Query:
         return Query("rooms", rooms=rooms_of(parts))
 
+    def rooms_but(self, parts: list[Any]) -> Query:
+        named = Condition("in", Reference(rooms=rooms_of(parts)), negated=True)
+        return Query("rooms", layers=(ROOMS,), where=(named,))
+
     def is_room(self, parts: list[Any]) -> Query:
         return Query("exists", rooms=rooms_of(parts))
 
