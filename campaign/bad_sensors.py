@@ -331,7 +331,7 @@ SENSORS = (
     ),
     BadSensor("with a gap", _lines("groundtruth.txt", lambda r: r[:3] + r[8:]), "5 of 12 frames"),
     BadSensor("none", _text("groundtruth.txt", lambda _: "# none\n"), "there are no poses", None),
-    BadSensor("NaN", _word("groundtruth.txt", 5, 1, "nan"), "line 8: there is a number", None),
+    BadSensor("NaN", _word("groundtruth.txt", 5, 1, "nan"), "1 pose of groundtruth.txt left out"),
     BadSensor("infinite", _word("groundtruth.txt", 5, 1, "inf"), "line 8: there is a num", None),
     BadSensor("1e12 m away", _word("groundtruth.txt", 5, 1, "1e12"), FIFTH + "its pose is", 1),
     BadSensor("100 km away", _word("groundtruth.txt", 5, 1, "1e5"), "is a pose far off", 1),
@@ -346,7 +346,7 @@ SENSORS = (
         "quaternions of length 10",
         _lines("groundtruth.txt", _same(lambda r: [*r[:4], *(str(10 * float(q)) for q in r[4:])])),
     ),
-    BadSensor("quaternion NaN", _word("groundtruth.txt", 5, 7, "nan"), "line 8", None),
+    BadSensor("quaternion NaN", _word("groundtruth.txt", 5, 7, "nan"), "1 pose of groundtruth"),
     BadSensor(
         "too few words",
         _lines("groundtruth.txt", _same(lambda r: r[:6], 5)),

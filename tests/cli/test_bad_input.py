@@ -86,7 +86,8 @@ def test_a_spoiled_file_of_a_map_is_named(
 DRIVE_FILES = {
     "no poses": ("groundtruth.txt", "", "groundtruth.txt: there are no poses"),
     "text for poses": ("groundtruth.txt", "a b c d e f g h\n", "groundtruth.txt: line 1"),
-    "a pose not finite": ("groundtruth.txt", "1 0 nan 0 0 0 0 1\n", "groundtruth.txt: line 1"),
+    "a pose not finite": ("groundtruth.txt", "1 0 inf 0 0 0 0 1\n", "groundtruth.txt: line 1"),
+    "lost poses alone": ("groundtruth.txt", "1 0 nan 0 0 0 0 1\n", "groundtruth.txt: all poses"),
     "a turn of nothing": ("groundtruth.txt", "1 0 0 0 0 0 0 0\n", "the quaternion is zero"),
     "no depth": ("depth.txt", "# nothing\n", "depth.txt: the list is empty"),
     "a depth image that is gone": ("depth.txt", "100 gone.png\n", "gone.png"),

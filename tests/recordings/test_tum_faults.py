@@ -79,7 +79,7 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
             "RTAB-Map writes 8 with --poses_format 10",
         ),
         (
-            line_of("groundtruth.txt", 3, "1 2 3 nan 0 0 0 1"),
+            line_of("groundtruth.txt", 3, "1 2 3 inf 0 0 0 1"),
             FormatError,
             "{}/groundtruth.txt: line 3: there is a number that is not finite",
         ),

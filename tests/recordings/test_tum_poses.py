@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from pathlib import Path
 
@@ -12,6 +13,23 @@ from hypermap.core.errors import FormatError
 from hypermap.recordings.tum import read_trajectory
 
 from .tum_tools import opened
+
+
+def test_lost_poses_that_are_nan_are_left_out_and_counted(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = folder / "groundtruth.txt"
+    header, first, *others = path.read_text().splitlines()
+    lost = [f"{float(first.split()[0]) - ago} nan nan nan nan nan nan NaN" for ago in (2, 1)]
+    path.write_text("\n".join([header, *lost, first, *others]))
+    said = "2 poses of groundtruth.txt left out: NaN, as of lost tracking"
+    assert opened(folder).info().notes[0] == said
+    with caplog.at_level(logging.WARNING):
+        assert len([*opened(folder).frames()])
+    assert said in caplog.text
+    path.write_text("\n".join([header, *lost]))
+    with pytest.raises(FormatError, match=r"all poses in it are NaN \(2\), so tracking never"):
+        read_trajectory(path, 1.0)
 
 
 def test_poses_out_of_order_and_repeated_are_sorted_out_and_noted(folder: Path) -> None:

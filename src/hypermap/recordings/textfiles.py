@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -83,9 +83,14 @@ def finite_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
         FormatError: If a word is not a number, or one that is not finite.
     """
     numbers = parse_numbers(words, path, key)
+    check_finite(numbers, path, key)
+    return numbers
+
+
+def check_finite(numbers: Iterable[float], path: Path, key: str) -> None:
+    """Raise a FormatError if a number is not finite."""
     if not all(map(math.isfinite, numbers)):
         raise FormatError("there is a number that is not finite", path=path, key=key)
-    return numbers
 
 
 def read_matrix(path: Path, *sizes: int) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,7 +24,13 @@ from hypermap.recordings.image_lists import (
 )
 from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
-from hypermap.recordings.textfiles import finite_numbers, read_header, read_lines, words_of
+from hypermap.recordings.textfiles import (
+    check_finite,
+    parse_numbers,
+    read_header,
+    read_lines,
+    words_of,
+)
 from hypermap.text import counted
 
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -62,7 +69,7 @@ class TumRecording(ImageFolder):
 
     @property
     def _left_out(self) -> tuple[str, ...]:
-        return self._plan.notes
+        return (*self._trajectory[1], *self._plan.notes)
 
     def _shots(self) -> list[Shot]:
         plan, depth, color = self._plan, self._depth, self._color
@@ -213,16 +220,17 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
     """Return the poses of a trajectory file in order of time, and notes on what was amiss.
 
     A line has a stamp, a position and a quaternion, x first, as in TUM RGB-D. A comment above the
-    numbers that names all columns, with commas between, may say otherwise, as in EuRoC.
+    numbers that names all columns, with commas between, may say otherwise, as in EuRoC. Poses with
+    NaN, which programs write while tracking is lost, are left out.
 
     Raises:
         FileMissing: If there is no file.
         FormatError: If a line is not a stamp, a position and a quaternion, or there is none.
     """
-    rows = []
+    rows, lost = [], 0
     header = _Header.of(read_header(path), path)
     for key, text in read_lines(path):
-        numbers = finite_numbers(words_of(text), path, key)
+        numbers = parse_numbers(words_of(text), path, key)
         if header is not None:
             numbers = header.pose_in(numbers, path, key)
         elif len(numbers) != 8:
@@ -232,16 +240,23 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
                 path=path,
                 key=key,
             )
+        if math.isfinite(numbers[0]) and any(map(math.isnan, numbers)):
+            lost += 1
+            continue
+        check_finite(numbers, path, key)
         if not any(numbers[4:]):
             raise FormatError("the quaternion is zero", path=path, key=key)
         rows.append(numbers)
     if not rows:
-        raise FormatError("there are no poses in it", path=path)
+        all_lost = f"all poses in it are NaN ({lost}), so tracking never worked"
+        raise FormatError(all_lost if lost else "there are no poses in it", path=path)
     table = np.array(rows)
     ticks = None if header is None else header.ticks
     table[:, 0] = in_seconds(table[:, 0]) if ticks is None else table[:, 0] / ticks
     _, order = np.unique(table[:, 0], return_index=True)
     notes = [] if header is None or header.is_usual else [f"{path.name}: {header}"]
+    if lost:
+        notes.append(f"{counted(lost, 'pose')} of {path.name} left out: NaN, as of lost tracking")
     if (np.diff(table[:, 0]) < 0).any():
         notes.append(f"the stamps of {path.name} were out of order and have been sorted")
     if len(order) < len(table):
