@@ -158,6 +158,7 @@ class BagBuilder:
         child: str,
         position: Any,
         quat_xyzw: Any = (0, 0, 0, 1),
+        log_time: int | None = None,
     ) -> None:
         transform = {
             "header": header(stamp, parent),
@@ -167,7 +168,8 @@ class BagBuilder:
                 "rotation": dict(zip("xyzw", map(float, quat_xyzw), strict=True)),
             },
         }
-        self.add(topic, TF, stamp, {"transforms": [transform]})
+        time = stamp if log_time is None else log_time
+        self.add(topic, TF, time, {"transforms": [transform]})
 
 
 def header(stamp: int, frame: str = "camera") -> dict[str, Any]:

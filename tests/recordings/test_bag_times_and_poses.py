@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -71,6 +72,29 @@ def test_a_message_without_a_stamp_takes_the_time_of_recording(bag: BagBuilder) 
         bag.add(COLOR, IMAGE, shot.color_stamp, image(shot.color, "rgb8", 0))
     [frame] = frames_of(bag.path, intrinsics=INTRINSICS)
     assert_shows(frame, shot)
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_transforms_without_stamps_are_fixed_or_of_the_time_of_recording(
+    tmp_path: Path, kind: str, moves: bool
+) -> None:
+    def unstamped(bag: BagBuilder, log_time: int, parent: str, child: str, *pose: Any) -> None:
+        bag.add_tf("/tf", 0, parent, child, *pose, log_time=log_time)
+
+    with BagBuilder(tmp_path, kind) as bag:
+        for shot in SHOTS:
+            if moves:
+                unstamped(bag, shot.stamp, "map", "base", shot.position, shot.quat_xyzw)
+            else:
+                bag.add_tf("/tf", shot.stamp, "map", "base", shot.position, shot.quat_xyzw)
+            add_images(bag, shot)
+        unstamped(bag, SHOTS[0].stamp, "base", "camera", (0, 0, 0))
+    for frame, shot in zip(frames_of(bag.path), SHOTS, strict=True):
+        assert_shows(frame, shot)
+    notes = "\n".join(open_recording(bag.path).info().notes)
+    assert "the stamps of 'camera' in 'base' are zero in tf: it is taken as fixed" in notes
+    said = "the stamps of 'base' in 'map' are zero in tf: the times of recording are taken"
+    assert (said in notes) == moves
 
 
 def test_every_nth_frame_and_frames_outside_the_poses_are_counted(tmp_path: Path) -> None:

@@ -93,7 +93,9 @@ def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
 
     for name, log_time, message in bag.messages(names, on_damaged, as_written=True):
         if name in transforms:
-            contents.transforms.add(message, is_static=name.endswith("tf_static"))
+            contents.transforms.add(
+                message, is_static=name.endswith("tf_static"), log_time=log_time
+            )
         elif name == geometry:
             contents.geometry.add(message, stamp_of(message, log_time))
         elif name == color:

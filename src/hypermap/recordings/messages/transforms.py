@@ -35,9 +35,16 @@ class TransformLog:
         self._fixed: dict[Edge, NDArray[np.float64]] = {}
         # Eight numbers per transform in a flat array: a long drive has millions of them.
         self._moving: dict[Edge, array[float]] = defaultdict(lambda: array("d"))
+        self._stamped: set[Edge] = set()
 
-    def add(self, message: Any, is_static: bool) -> None:
-        """Add the transforms of a TFMessage; a later one of the same edge and stamp counts."""
+    def add(self, message: Any, is_static: bool, log_time: int = 0) -> None:
+        """Add the transforms of a TFMessage; a later one of the same edge and stamp counts.
+
+        Args:
+            message: the message.
+            is_static: whether it is of `tf_static`.
+            log_time: when it was recorded [ns], which counts where the stamp is zero.
+        """
         for item in message.transforms:
             edge = clean_frame(item.header.frame_id), clean_frame(item.child_frame_id)
             p, q = item.transform.translation, item.transform.rotation
@@ -49,7 +56,9 @@ class TransformLog:
             elif is_static:
                 self._fixed[edge] = pose_matrix(numbers[:3], numbers[3:])
             else:
-                self._moving[edge].append(as_seconds(nanoseconds(item.header.stamp)))
+                if stamp := nanoseconds(item.header.stamp):
+                    self._stamped.add(edge)
+                self._moving[edge].append(as_seconds(stamp or log_time))
                 self._moving[edge].extend(numbers)
 
     def span(self) -> tuple[float, float]:
@@ -98,6 +107,13 @@ class TransformLog:
         notes, twice = [], {}
         for edge, log in self._moving.items():
             table = np.frombuffer(log).reshape(-1, 8)
+            if edge not in self._stamped:
+                is_fixed = np.allclose(table[:, 1:], table[0, 1:], atol=_SAME)
+                taken = "it is taken as fixed" if is_fixed else "the times of recording are taken"
+                notes.append(f"the stamps of {edge[1]!r} in {edge[0]!r} are zero in tf: {taken}")
+                if is_fixed and edge not in self._fixed:
+                    motions[edge] = FixedPose(pose_matrix(table[0, 1:4], table[0, 4:]))
+                    continue
             if (pose := self._fixed.get(edge)) is not None:
                 poses = pose_matrix(table[:, 1:4], table[:, 4:])
                 if np.allclose(poses, pose, atol=_SAME):

@@ -63,7 +63,7 @@ def read_bag(
         tf = {one.name for one in topics_of_tf(bag.topics, topic)}
         for name, log_time, message in bag.messages({topic, *tf}, log.on_damaged, as_written=True):
             if name in tf:
-                log.transforms.add(message, is_static=name.endswith("tf_static"))
+                log.transforms.add(message, name.endswith("tf_static"), log_time)
                 continue
             log.add(message, log_time, reading.read(message), sensor_frame)
             on_message()
@@ -94,8 +94,10 @@ def motion_in_bag(path: Path, map_frame: str, sensor_frame: str | None) -> Motio
     """
     bag = BagFile(path)
     log = TransformLog()
-    for name, _, message in bag.messages(_transform_topics(bag), lambda *_: None, as_written=True):
-        log.add(message, is_static=name.endswith("tf_static"))
+    for name, log_time, message in bag.messages(
+        _transform_topics(bag), lambda *_: None, as_written=True
+    ):
+        log.add(message, name.endswith("tf_static"), log_time)
     try:
         return _motion(_tree(log, MAX_GAP), map_frame, clean_frame(sensor_frame or "base_link"))
     except HypermapError as error:
