@@ -291,3 +291,12 @@ def test_the_clock_of_a_real_desk_is_reported_when_it_is_off(shared_data: Path) 
     assert wrong(open_recording(path).frames()) == {}
     measured = clock_offset(open_recording(path, RecordingOptions(time_offset=0.3)).frames())
     assert measured == pytest.approx(-0.3, abs=0.05)  # 20 ms of it are the recording's own
+
+
+def test_poses_of_another_time_are_not_taken_for_a_tilt(shared_data: Path) -> None:
+    frames = late(open_recording(shared_data / "desk").frames(), 0.22)
+    assert wrong(frames).keys() == {"clock"}
+    tilted = pose_from_rpy(0, 0, 0, 0.2, -0.1, 0)
+    moved = [frame.moved_to(compose(tilted, frame.map_T_camera)) for frame in frames]
+    assert wrong(moved).keys() == {"clock"}  # and then, with the clock that it names, the tilt
+    assert wrong(late(moved, -0.22)).keys() == {"level"}

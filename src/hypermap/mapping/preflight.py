@@ -139,7 +139,8 @@ class Preflight:
         settled = list(self._settled.values())
         if reading.convention != OPTICAL:  # so what else the poses tell is wrong
             settled = [one for one in settled if not (one.is_wrong and one.check in _UNDECIDED)]
-        found = (self._level(floor), self._odd_depth(), *settled)
+        is_late = any(one.is_wrong and one.check == "clock" for one in settled)
+        found = (self._level(floor, is_late), self._odd_depth(), *settled)
         undecided = [
             Finding(check, text) for check, text in _UNDECIDED.items() if check not in self._settled
         ]
@@ -150,12 +151,16 @@ class Preflight:
         )
         return [f for f in (*found, *undecided, mounted) if f is not None]
 
-    def _level(self, floor: Floor | None) -> Finding:
+    def _level(self, floor: Floor | None, is_late: bool) -> Finding:
+        """Return whether the floor is level; poses of other times let a level one seem tilted."""
         if floor is None:
             return Finding("level", "no floor is visible, so it is unknown whether it is at z = 0")
         if floor.is_level:
             said = f"tilted by {floor.tilt_deg:.1f} degrees, at z = {floor.offset:.2f} m"
             return Finding("level", f"the lowest level surface is {said}")
+        if is_late:
+            unknown = "so it is unknown whether the floor is level at z = 0"
+            return Finding("level", f"poses and images have different clocks, {unknown}")
         numbers = option_text(compose(floor.level_T_map(), self._map_T_world), floor)
         return Finding(
             "level",
