@@ -59,7 +59,8 @@ def test_what_is_in_a_room_is_found_by_its_name_kind_or_id(flat, where, expected
 @pytest.mark.parametrize(
     ("names", "expected"),
     [
-        (["room", "room 2"], {"room 0": "room", "room 1": None, "Room 2": "room 2"}),
+        (["room", "room 2"], {"room 0": "room", "room 1": "room 2", "Room 2": "room 2"}),
+        (["lab", "room 4"], {"room 0": "lab", "room 1": None, "Room 4": "room 4"}),
         (["Room 1", "room 2"], {"room 0": None, "room 1": "Room 1", "room 2": "room 2"}),
         (["room 1", "Room 1"], {"room 1": "room 1", "Room 1": "Room 1"}),
         (["room 2", "room 2"], {"room 0": "room 2", "room 1": "room 2"}),

@@ -22,8 +22,8 @@ _NUMBERED = re.compile(r"room\s+(\d+)", re.IGNORECASE)
 def rooms_called(rooms: Rooms, what: str) -> list[Room]:
     """Return the rooms with a name or of a kind; of "room 3", if none has that name, that by id.
 
-    A name counts as it is written, or else in any case, as a kind does. A room that is the only
-    one called "room 2" is not "room 3" by its id.
+    A name counts as it is written, or else in any case, as a kind does. A room that people
+    have called "room 2", and no other so, is not "room 3" by its id.
     """
     asked = what.lower()
     found = [room for room in rooms if what == room.name or asked == room.kind.lower() != ""]
@@ -32,7 +32,7 @@ def rooms_called(rooms: Rooms, what: str) -> list[Room]:
         names = Counter(room.name.lower() for room in rooms)
         numbered = {name for name in names if names[name] == 1 and _NUMBERED.fullmatch(name)}
         same_id = [room for room in rooms if room.id == int(by_id[1])]
-        found = [room for room in same_id if room.name.lower() not in numbered]
+        found = [room for room in same_id if not (room.is_named and room.name.lower() in numbered)]
     return found
 
 
