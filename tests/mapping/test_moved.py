@@ -418,6 +418,18 @@ def test_an_object_that_is_hardly_in_its_place_was_moved_even_if_its_shape_seems
     assert ("moved" in chair.attributes) == has_moved
 
 
+@pytest.mark.parametrize(("top", "is_same"), [(0.9, True), (0.5, False)])
+def test_what_stands_in_a_part_of_an_empty_place_is_another_one_if_its_height_is(
+    top: float, is_same: bool
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(60):
+        evidence.update(seen(square(-2.3), top=top, stamp=DAY + second))
+    assert (only(evidence).id == 0) == is_same
+
+
 def test_what_is_gone_for_long_costs_little() -> None:
     evidence = EvidenceMap(dataclasses.replace(DEFAULT, gone_loss=10.0, loss=10.0))
     for number in range(60):

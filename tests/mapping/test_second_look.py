@@ -70,39 +70,39 @@ CAME, LEFT = (Change(ADDED, "semantic", None, CHAIR), Change(GONE, "semantic", C
 
 
 def test_what_one_drive_has_detected_did_not_come_or_go() -> None:
-    assert look(frames(0, *SEEN), frames(1, *SEEN)).chance(CAME) > 0.99
-    assert look(frames(0, *EMPTY), frames(1, *SEEN)).chance(CAME) < 0.01
-    assert look(frames(0, *SEEN), frames(1, *SEEN)).chance(LEFT) > 0.99
-    assert look(frames(0, *SEEN), frames(1, *EMPTY)).chance(LEFT) < 0.01
+    assert look(frames(0, *SEEN), frames(1, *SEEN)).chance(CAME) > 0.98
+    assert look(frames(0, *EMPTY), frames(1, *SEEN)).chance(CAME) < 0.02
+    assert look(frames(0, *SEEN), frames(1, *SEEN)).chance(LEFT) > 0.98
+    assert look(frames(0, *SEEN), frames(1, *EMPTY)).chance(LEFT) < 0.02
 
 
 def test_the_last_drive_that_could_see_the_place_decides() -> None:
     aside = frames(1, *EMPTY, x=-9.0)  # too far away
     hidden = frames(1, *EMPTY, reach=1.0)
     for unseen in (aside, hidden):
-        assert look(frames(0, *SEEN), unseen, frames(2, *SEEN)).chance(CAME) > 0.99
-    assert look(frames(0, *SEEN), frames(1, *EMPTY), frames(2, *SEEN)).chance(CAME) < 0.01
+        assert look(frames(0, *SEEN), unseen, frames(2, *SEEN)).chance(CAME) > 0.98
+    assert look(frames(0, *SEEN), frames(1, *EMPTY), frames(2, *SEEN)).chance(CAME) < 0.02
     assert look(frames(0, *SEEN), aside).chance(LEFT) == 0
     assert look(frames(0, *SEEN)).chance(CAME) == 0  # there is no earlier drive
 
 
 def test_drives_whose_clocks_begin_at_zero_are_told_apart() -> None:
-    assert look(frames(0, *SEEN), frames(0, *EMPTY)).chance(LEFT) < 0.01
-    assert look(frames(0, *EMPTY), frames(0, *SEEN)).chance(CAME) < 0.01
+    assert look(frames(0, *SEEN), frames(0, *EMPTY)).chance(LEFT) < 0.02
+    assert look(frames(0, *EMPTY), frames(0, *SEEN)).chance(CAME) < 0.02
 
 
 def test_the_log_may_have_lost_the_oldest_frames() -> None:
     second = look(frames(0, *SEEN), frames(1, *EMPTY))
     second.drives[0].keys.extend([1] * 1000)
-    assert second.chance(CAME) > 0.99
+    assert second.chance(CAME) > 0.98
     second.drives[1].keys.extend([1] * 1000)
     assert second.chance(CAME) == 0
 
 
 def test_other_things_and_a_rare_false_detection_do_not_count() -> None:
-    assert look(frames(0, *["table"] * 4), frames(1)).chance(CAME) < 0.01
-    assert look(frames(0, "chair", *EMPTY), frames(1)).chance(CAME) < 0.1
-    assert look(frames(0, "chair"), frames(1)).chance(CAME) == pytest.approx(16 / 17)
+    assert look(frames(0, *["table"] * 4), frames(1)).chance(CAME) < 0.02
+    assert look(frames(0, "chair", *EMPTY), frames(1)).chance(CAME) < 0.2
+    assert look(frames(0, "chair"), frames(1)).chance(CAME) == pytest.approx(15 / 16)
 
 
 def test_a_damaged_log_does_not_keep_a_map_from_being_saved() -> None:
@@ -151,8 +151,8 @@ def test_detections_of_an_unmoved_neighbor_are_of_that_one(
         (left, (both[0], drives[1]), is_there),
     ):
         second = dataclasses.replace(look(*days), before=layer, after=[after, item])
-        assert (second.chance(change) > 0.99) == expected
-        assert (second.chance(change) < 0.01) != expected
+        assert (second.chance(change) > 0.98) == expected
+        assert (second.chance(change) < 0.02) != expected
 
 
 @pytest.mark.parametrize(
@@ -176,15 +176,34 @@ def test_a_second_object_of_one_thing_did_not_come_or_go(
         (LEFT, (frames(0, *SEEN, shapes=shows), frames(1, *EMPTY))),
     ):
         second = dataclasses.replace(look(*days), before=layer, after=layer.objects())
-        assert (second.chance(change) > 0.99) == is_second
-        assert (second.chance(change) < 0.01) != is_second
+        assert (second.chance(change) > 0.98) == is_second
+        assert (second.chance(change) < 0.02) != is_second
+
+
+@pytest.mark.parametrize("are_two", [True, False])
+def test_detections_of_one_of_another_color_that_stood_there_instead_are_of_that_one(
+    are_two: bool,
+) -> None:
+    other = dataclasses.replace(neighbor(8), id=2)
+    theirs, own = ([shape] for shape in (shapely.box(1.85, 0.18, 2.15, 0.6), INSIDE))
+    for change, shows in ((CAME, (theirs, own)), (LEFT, (own, theirs))):
+        days = [frames(day, *SEEN, shapes=shapes) for day, shapes in enumerate(shows)]
+        before, after = ([other], [CHAIR]) if change is CAME else ([CHAIR], [other])
+        layer = SemanticLayer("semantic", "map", before)
+        second = dataclasses.replace(
+            look(*days),
+            before=layer,
+            after=after,
+            differ=lambda was, now: are_two and {was, now} == {2, 3},
+        )
+        assert (second.chance(change) < 0.02) == are_two
 
 
 def test_what_no_frame_could_see_is_no_second_object() -> None:
     layer = SemanticLayer("semantic", "map", [neighbor(8), CHAIR])
     hidden = look(frames(0, *EMPTY), frames(1, *SEEN, reach=1.0))
     second = dataclasses.replace(hidden, before=layer, after=layer.objects())
-    assert second.chance(CAME) < 0.01
+    assert second.chance(CAME) < 0.02
 
 
 def test_what_a_frame_shows_beside_an_unmoved_neighbor_is_another_one() -> None:
@@ -192,7 +211,7 @@ def test_what_a_frame_shows_beside_an_unmoved_neighbor_is_another_one() -> None:
     second = look(frames(0, *SEEN, shapes=shown), frames(1, *SEEN, shapes=shown))
     layer = SemanticLayer("semantic", "map", [neighbor(8)])
     second = dataclasses.replace(second, before=layer, after=[neighbor(16), CHAIR])
-    assert second.chance(CAME) > 0.99
+    assert second.chance(CAME) > 0.98
 
 
 def test_outlines_that_cross_themselves_are_compared_all_the_same() -> None:
@@ -203,12 +222,12 @@ def test_outlines_that_cross_themselves_are_compared_all_the_same() -> None:
     crossed = [dataclasses.replace(neighbor(found), footprint=bow) for found in (8, 16)]
     layer = SemanticLayer("semantic", "map", crossed[:1])
     second = dataclasses.replace(second, before=layer, after=[crossed[1], CHAIR])
-    assert second.chance(CAME) < 0.01
+    assert second.chance(CAME) < 0.02
 
 
 THING = SemanticObject("bin", shapely.box(1.8, 0.1, 2.2, 0.5), id=8, attributes=HEIGHTS)
-SHELF = dataclasses.replace(CHAIR, footprint=shapely.box(1.92, -0.2, 2.08, 0.2))
-PLANT = dataclasses.replace(CHAIR, footprint=shapely.box(1.88, -0.2, 2.12, 0.2))
+SHELF = dataclasses.replace(CHAIR, footprint=shapely.box(1.94, -0.2, 2.06, 0.2))
+PLANT = dataclasses.replace(CHAIR, footprint=shapely.box(1.92, -0.2, 2.08, 0.2))
 
 
 @pytest.mark.parametrize(

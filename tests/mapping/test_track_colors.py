@@ -102,6 +102,29 @@ def test_a_chair_that_was_moved_is_the_same_in_the_light_of_another_day() -> Non
     assert two_days([((-3, 0), WHITE)], [((3, 0), WHITE)], WARM_AND_DARK) == {0: (3, 0)}
 
 
+@pytest.mark.parametrize(("color", "places"), [(RED, {0: (-2.3, 0)}), (GREEN, {})])
+def test_what_stands_in_a_part_of_an_empty_place_is_another_one_if_its_color_is(
+    color: Rgb, places: dict[int, tuple[float, float]]
+) -> None:
+    assert two_days([((-3, 0), RED)], [((-2.3, 0), color)]) == places
+
+
+@pytest.mark.parametrize(
+    ("sides", "is_same"), [((RED, BLACK, RED), True), ((RED, RED, RED), False)]
+)
+def test_a_bench_has_the_colors_of_its_seat_and_of_its_legs(
+    sides: Sequence[Rgb], is_same: bool
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        look(evidence, (((-3, 0), sides[second % 3]), *FIXED), second, (1, 1, 1))
+    for second in range(40):
+        look(evidence, (((3, 0), BLACK), *FIXED), DAY + second, (1, 1, 1))
+    centers = {item.id: item.footprint.centroid for item in evidence.objects()}
+    (number,) = (n for n, center in centers.items() if abs(center.x - 3) < 0.1 > abs(center.y))
+    assert (number == 0) == is_same
+
+
 @pytest.mark.parametrize(("color", "is_same"), [(WHITE, True), (BLACK, True), (RED, False)])
 def test_a_board_has_the_color_of_any_side_that_an_earlier_day_showed(
     color: Rgb, is_same: bool

@@ -46,6 +46,7 @@ from hypermap.mapping.same_place import PlaceCheck
 from hypermap.mapping.sample_places import with_moved_samples
 from hypermap.mapping.second_look import SecondLook
 from hypermap.mapping.shifts import Shifts
+from hypermap.mapping.track_colors import objects_differ_in_color
 from hypermap.perception.detections import Detections
 from hypermap.perception.embedders.embedder import Embedder
 from hypermap.perception.frame import DetectionSource, RgbdFrame
@@ -413,7 +414,8 @@ class Mapper:
             return Mapped(name, drive.time, shifts=shifts)
         log, drives = FrameLog(self._frame_log.parts), self._intake.drives()
         before = layer_of_objects(self._base)
-        look = SecondLook(log, drives, self.config, before, published)
+        differ = partial(objects_differ_in_color, self.evidence.settled().snapshot())
+        look = SecondLook(log, drives, self.config, before, published, differ)
         return Mapped(name, drive.time, look.chance, shifts)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:

@@ -133,7 +133,8 @@ class Reunion:
         # The import takes a quarter of a second, and most drives begin a map.
         from scipy.optimize import linear_sum_assignment
 
-        stays, leaving = self._stays[id(one)], self._costs_of_leaving(one)
+        leaving = self._costs_of_leaving(one)
+        stays = self._stays[id(one)] + self._costs_of_replacing(one)
         moves = self._costs_of_moving(one, leaving)
         coming = np.array([self._cost_of_coming(row) for row in one.fresh])
         n, m = stays.shape
@@ -172,6 +173,18 @@ class Reunion:
             elif self._was_gone(row):
                 costs[i] += _BACK
         return np.where((one.shared > 0) | is_near, costs, _NEVER)
+
+    def _costs_of_replacing(self, one: ComparedTracks) -> NDArray[np.float64]:
+        """Return what else it costs that what is gone is each of the others, shape (N, M).
+
+        If it is one in its place, it has moved within it. Or another one stands there instead, so
+        both must be as alike in height and color as if it were elsewhere.
+        """
+        gone = np.array([self._is_gone(row) for row in one.known])[:, None]
+        if not (gone & (self._stays[id(one)] < _NEVER)).any():
+            return np.zeros(gone.shape)
+        costs = (_RAISED - _HIGHER) * one.higher + self._costs_of_color(one)
+        return np.where(gone, costs, 0.0)
 
     def _costs_of_moving(
         self, one: ComparedTracks, leaving: NDArray[np.float64]

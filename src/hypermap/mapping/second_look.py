@@ -9,7 +9,7 @@ have passed that the object would have stopped.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -37,9 +37,9 @@ _VISIBLE = 0.5  # share of an object that a frame must be able to see
 _BESIDE = 0.1  # [m] between an object and a detection of it, at most
 _NEXT = 0.5  # [m] between two objects, one of which may be a second one of the other
 _LARGE = 0.3  # [m]; outlines and poses are off by as much as smaller objects
-_DEEP = 0.2  # [m]; thinner objects cannot be told from others beside them, or walls behind
+_DEEP = 0.15  # [m]; thinner objects cannot be told from others beside them, or walls behind
 _APART = 0.1  # share of an object that another one beside it may seem to take
-_FOUND = 0.8  # share of such frames that detect an object which is there
+_FOUND, _MISSED = 9.0, 3.0  # beta distribution of the share of such frames that detect an object
 _FALSE = 0.05  # share of those that detect one which is not there
 _DIFFERS = 0.35  # share of the rays stopped by an object from which on more or fewer pass
 _EMPTY = 0.4  # share of all rays by which so many more pass that its place is empty
@@ -67,10 +67,18 @@ class _Looks:
 
     @property
     def chance(self) -> float:
-        """How likely the object is there; before these frames, it may as well be as not."""
-        odds = self.detected * math.log(_FOUND / _FALSE)
-        odds += (self.shown - self.detected) * math.log((1 - _FOUND) / (1 - _FALSE))
-        return 0.5 * (1 + math.tanh(odds / 2))
+        """How likely the object is there; before these frames, it may as well be as not.
+
+        Each object is detected at a rate of its own, with a beta distribution.
+        """
+        missed = self.shown - self.detected
+        if_there = _log_beta(_FOUND + self.detected, _MISSED + missed) - _log_beta(_FOUND, _MISSED)
+        if_not = self.detected * math.log(_FALSE) + missed * math.log(1 - _FALSE)
+        return 0.5 * (1 + math.tanh((if_there - if_not) / 2))
+
+
+def _never(_before: int, _now: int) -> bool:
+    return False
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +91,8 @@ class SecondLook:
         config: of the map.
         before: the objects before the present drive; None for none.
         after: those after it.
+        differ: whether objects that were there before, and one of the present drive, by their ids,
+            are of such different colors that they are two.
     """
 
     log: FrameLog
@@ -90,6 +100,7 @@ class SecondLook:
     config: MappingConfig
     before: SemanticLayer | None = None
     after: Sequence[SemanticObject] = ()
+    differ: Callable[[int, int], bool] = _never
     _unpacked: dict[int, LoggedFrame] = field(default_factory=dict, init=False, repr=False)
 
     def chance(self, change: Change) -> float:
@@ -196,8 +207,9 @@ class SecondLook:
     def _with_neighbors(self, change: Change, is_second: bool) -> list[BaseGeometry]:
         """Return the shape of an object, then those of others that may have been detected.
 
-        These are unmoved ones, and those that stood there before the present drive and were moved
-        since. Only its own where poses and outlines are off by as much: next to small objects.
+        These are unmoved ones, those that stood there before the present drive and were moved
+        since, and those of another color that came or left instead. Only its own where poses and
+        outlines are off by as much: next to small objects.
 
         Args:
             change: of the object.
@@ -205,14 +217,30 @@ class SecondLook:
         """
         item, has_come = change.object, change.kind == ADDED
         unmoved = [one.footprint for one in self._unmoved if one.name == item.name]
-        moved = [one.footprint for one in self._moved if one.name == item.name and has_come]
-        own, *others = valid_copies(as_objects([item.footprint, *unmoved, *moved]))
+        moved = [one for one in self._moved if one.name == item.name and has_come]
+        apart = [one.footprint for one in (*moved, *self._replaced(change))]
+        own, *others = valid_copies(as_objects([item.footprint, *unmoved, *apart]))
         if own.area < _LARGE**2:
             return [own]
         if is_second or not has_come:
             unmoved = [one for one in others[: len(unmoved)] if _shared(one, own) <= _APART]
-            others = [*unmoved, *others[len(others) - len(moved) :]]
+            others = [*unmoved, *others[len(others) - len(apart) :]]
         return [own, *(one for one in others if shapely.dwithin(one, own, 2 * _BESIDE))]
+
+    def _replaced(self, change: Change) -> list[SemanticObject]:
+        """Return what came instead of an object that is gone, or left where one has come."""
+        item, has_come = change.object, change.kind == ADDED
+        before = [] if self.before is None else self.before.objects()
+        kept = {now.id for _, now in self._pairs}
+        found = []
+        for one in before if has_come else self.after:
+            was, now = (one, item) if has_come else (item, one)
+            if one.name == item.name and one.id not in kept and self._differ(was, now):
+                found.append(one)
+        return found
+
+    def _differ(self, was: SemanticObject, now: SemanticObject) -> bool:
+        return was.id is not None and now.id is not None and self.differ(was.id, now.id)
 
     @cached_property
     def _pairs(self) -> list[tuple[SemanticObject, SemanticObject]]:
@@ -280,6 +308,10 @@ def _detects(frame: LoggedFrame, name: str, shapes: Sequence[BaseGeometry]) -> b
             free[0].remove(i)
             free[1].remove(j)
     return 0 not in free[1]
+
+
+def _log_beta(a: float, b: float) -> float:
+    return math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b)
 
 
 def _stops_rays(item: SemanticObject, looks: _Looks) -> bool:

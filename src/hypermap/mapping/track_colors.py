@@ -23,6 +23,7 @@ SAME_COLOR = 12.0
 """Distance in CIELAB up to which two views may be of one object."""
 
 _SHADE = 3.0  # times as bright as in another view, with another side in the light
+_OFTEN = 0.3  # share of a drive's views that show a side, at least: others are of other things
 _COMMON = 3  # objects in two drives from which the light of one is known from the other's
 _DARK = 0.002  # added to linear channels, whose ratios say little where they are nearly 0
 _UNKNOWN = np.full(3, np.nan)
@@ -43,6 +44,12 @@ def differ_in_color(tracks: TrackTable, before: Sequence[int], now: Sequence[int
     return color_distances(tracks, before, now) > SAME_COLOR
 
 
+def objects_differ_in_color(tracks: TrackTable, before: int, now: int) -> bool:
+    """Return the same of the objects with two ids; False if the table has one of them no more."""
+    rows = tracks.rows_of([before]), tracks.rows_of([now])
+    return bool(differ_in_color(tracks, *rows).any())
+
+
 def color_distances(
     tracks: TrackTable,
     before: Sequence[int],
@@ -52,7 +59,8 @@ def color_distances(
     """Return how far apart the colors of tracks are, in CIELAB.
 
     What all objects of two drives have in common is the light, or the camera, and does not count.
-    An object has shown the sides that it has: the nearest color of any earlier drive counts.
+    An object has shown the sides that it has, as the seat and the legs of a bench: the nearest
+    colors of any of its views count.
 
     Args:
         tracks: all tracks.
@@ -64,14 +72,17 @@ def color_distances(
     Returns:
         Shape (N, M); NaN where a color is unknown, or the light of the newest one.
     """
-    after = [_newest(_paints(tracks.objects[row].buffer)) for row in now]
-    seen = np.array([_UNKNOWN if one is None else one.color for one in after]).reshape(-1, 3)
-    gains = _Gains(tracks, same or {})
     distances = np.full((len(before), len(now)), np.nan)
+    if not distances.size:
+        return distances
+    sides = [_newest_sides(_paints(tracks.objects[row].buffer)) for row in now]
+    seen, starts = np.concatenate(sides), np.cumsum([0, *map(len, sides[:-1])])
+    gains = _Gains(tracks, same or {})
     for i, row in enumerate(before):
-        known = [paint.color * gains.since(paint) for paint in _while_there(tracks.objects[row])]
+        known = [paint.sides * gains.since(paint) for paint in _while_there(tracks.objects[row])]
         if known and not np.isnan(known[-1]).any():
-            distances[i] = np.fmin.reduce(_distances(np.array(known), seen), axis=0)
+            nearest = np.fmin.reduce(_distances(np.concatenate(known), seen), axis=0)
+            distances[i] = np.fmin.reduceat(nearest, starts)
     return distances
 
 
@@ -98,12 +109,14 @@ class _Paint(NamedTuple):
     Attributes:
         first: stamp of the first frame from which it is known [s].
         last: of the last one [s].
-        color: linear sRGB, 0..1, shape (3,).
+        color: the median of its views, linear sRGB, 0..1, shape (3,).
+        sides: those of single views that enough others are like, shape (N, 3); never none.
     """
 
     first: float
     last: float
     color: NDArray[np.float64]
+    sides: NDArray[np.float64]
 
 
 def _paints(buffer: EvidenceBuffer) -> tuple[_Paint, ...]:
@@ -116,14 +129,19 @@ def _paints_of(colors: tuple[SeenColor, ...]) -> tuple[_Paint, ...]:
     colors = tuple(color for color in colors if color.rgb is not None)
     ends = [i + 1 for i, (a, b) in enumerate(pairwise(colors)) if b.stamp - a.stamp > STALE]
     parts = [colors[i:j] for i, j in pairwise([0, *ends, len(colors)]) if j > i]
-    return tuple(
-        _Paint(part[0].stamp, part[-1].stamp, _linear(np.median([c.rgb for c in part], axis=0)))
-        for part in parts
-    )
+    return tuple(_paint_of(part) for part in parts)
 
 
-def _newest(paints: Sequence[_Paint]) -> _Paint | None:
-    return paints[-1] if paints else None
+def _paint_of(colors: Sequence[SeenColor]) -> _Paint:
+    rgb = np.array([color.rgb for color in colors], float)
+    color, views = _linear(np.median(rgb, axis=0)), _linear(rgb)
+    share = (_distances(views, views) <= SAME_COLOR).mean(axis=1)
+    sides = views[share >= min(_OFTEN, share.max())]
+    return _Paint(colors[0].stamp, colors[-1].stamp, color, sides)
+
+
+def _newest_sides(paints: Sequence[_Paint]) -> NDArray[np.float64]:
+    return paints[-1].sides if paints else _UNKNOWN[np.newaxis]
 
 
 def _while_there(track: Track) -> list[_Paint]:
