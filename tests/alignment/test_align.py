@@ -25,6 +25,7 @@ from hypermap import (
 from hypermap.alignment import NotAligned, align, in_frame_of
 from hypermap.alignment.grids import Field, scan_of
 from hypermap.core.errors import LayerNotFound
+from hypermap.simulation import built_in_world, ground_truth, varied
 
 FLAT = shapely.Polygon([(0, 0), (9, 0), (9, 4), (5.5, 4), (5.5, 7), (0, 7)])
 WALLS = shapely.MultiLineString(
@@ -185,6 +186,12 @@ def test_real_maps_are_distinguished(name: str, shared_data: Path) -> None:
 
 
 # Frames
+
+
+def test_corners_of_two_buildings_that_are_alike_do_not_make_them_one() -> None:
+    lab, corridor = (ground_truth(varied(built_in_world(name), 3)) for name in ("lab", "corridor"))
+    with pytest.raises(NotAligned, match="15% of the smaller map overlaps, and 78% of the walls"):
+        align(lab, corridor)
 
 
 def test_the_second_map_can_be_asked_in_the_frame_of_the_first() -> None:

@@ -242,3 +242,41 @@ def test_classes_compete_for_a_place() -> None:
     assert (train.existence, table.existence) == (1.0, 1.5)
     evidence.update(seen(square(5), name="table", area=NOWHERE))  # elsewhere
     assert [found.existence for found in tracks(evidence)] == [1.0, 1.5, 1.5]
+
+
+def test_a_cup_that_another_drive_sees_from_as_far_as_before_is_told_to_have_moved() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    cup, elsewhere = square(3.0, -1.5, side=0.08), square(3.0, 1.5, side=0.08)
+    for day, (place, depth) in enumerate([(cup, 2.95), (elsewhere, 6.0)]):
+        for k in range(9):
+            observation = seen(place, name="cup", stamp=86_400.0 * day + k, bottom=0.95, top=1.05)
+            evidence.update(viewed(observation, level(depth)))
+    found = only(evidence)
+    assert found.id == 0
+    assert "moved" in found.attributes
+    assert found.footprint.intersects(elsewhere)
+
+
+@pytest.mark.parametrize(("depth", "is_there"), [(0.06, False), (0.5, True)])
+def test_a_curtain_that_is_not_found_before_its_wall_is_gone_and_not_a_cupboard(
+    depth: float, is_there: bool
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    thing = shapely.box(2.0, -0.5, 2.0 + depth, 0.5)
+    for k in range(9):
+        evidence.update(viewed(seen(thing, name="thing", stamp=float(k)), level(2.0)))
+    for k in range(9):  # rays end as near as before: at the wall, or at the cupboard
+        evidence.update(viewed(seen(name="thing", stamp=86_400.0 + k), level(2.05)))
+    assert len(evidence) == is_there
+
+
+def test_a_second_track_of_a_curtain_that_stayed_is_not_another_one_that_was_moved() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    gone, kept = shapely.box(3.0, -1.6, 3.06, -0.6), shapely.box(3.0, 0.6, 3.06, 1.6)
+    double = affinity.translate(kept, -0.2, 0)
+    for k in range(12):
+        evidence.update(viewed(seen(gone, kept, name="curtain", stamp=float(k)), level(3.0)))
+    for k in range(12):  # poses put it to two places
+        item = seen([kept, double][k % 2], name="curtain", stamp=86_400.0 + k)
+        evidence.update(viewed(item, level(3.0)))
+    assert not any("moved" in item.attributes for item in evidence.objects() if item.id == 0)

@@ -70,6 +70,15 @@ def test_what_is_too_small_to_be_found_is_not_missed() -> None:
     assert visible_shares(looking_along_x(6.0, x=2.0), samples, heights, 0.15).visible == 1
 
 
+def test_what_was_detected_from_as_far_is_missed_however_small_it_is() -> None:
+    cup = shapely.box(3.0, 0.0, 3.08, 0.08)
+    heights = np.array([[1.0, 1.1]])
+    samples, view = sample_points([PreparedPolygon.of(cup)]), looking_along_x(6.0)
+    for distance, expected in ((2.5, 0), (3.5, 1)):
+        seen = visible_shares(view, samples, heights, 0.15, detected_from=np.array([distance]))
+        assert (seen.visible, seen.through, seen.beyond) == (expected,) * 3
+
+
 @given(corners=st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=3, max_size=9))
 def test_hulls_are_sampled_alike_wherever_their_ring_begins(corners) -> None:
     hull = shapely.convex_hull(shapely.linestrings(np.round(corners, 2)))

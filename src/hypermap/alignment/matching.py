@@ -34,6 +34,8 @@ _OBJECT_WEIGHT = 1.0  # [m] of wall for which an object in its place counts, and
 
 _LEAST_AGREEMENT, _LEAST_IF_BENT = 0.75, 0.4
 _LEAST_OVERLAP = 0.15
+_SMALL_OVERLAP, _LEAST_IF_SMALL = 0.5, 0.85  # less than half can fit by chance
+_CONFIRMING = 3  # objects, at least half of those that could fit, with which the walls need not
 _LEAST_CERTAINTY = 0.12
 _LEAST_OBJECTS, _ENOUGH_OBJECTS = 0.15, 8  # share, and from how many on it counts
 
@@ -109,8 +111,18 @@ def align(
     if other is not None and best.support > 0:
         certainty = float(np.clip(1 - other.support / best.support, 0, 1))
     found = Alignment(best.pose, best.agreement, best.overlap, best.objects, certainty, best.others)
-    _check(found, _LEAST_IF_BENT if is_bent else _LEAST_AGREEMENT)
+    _check(found, _LEAST_IF_BENT if is_bent else _least_agreement(found))
     return found
+
+
+def _least_agreement(found: Alignment) -> float:
+    """Return by how much of the walls two maps must agree, neither of which is bent.
+
+    Corners of different buildings are often alike, so a small overlap needs more.
+    """
+    confirmed = found.objects >= max(_CONFIRMING, found.others)
+    is_small = found.overlap < _SMALL_OVERLAP and not confirmed
+    return _LEAST_IF_SMALL if is_small else _LEAST_AGREEMENT
 
 
 def _scan(which: str, hypermap: Hypermap, layer: str | None) -> Scan:

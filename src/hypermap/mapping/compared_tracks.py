@@ -96,10 +96,10 @@ def likeness_of_tracks(tracks: TrackTable, one: int, other: int) -> float:
 
 def _is_front(one: PreparedPolygon, whole: PreparedPolygon) -> bool:
     """Return whether a shape may be the front, or another side, of what another shape is all of."""
-    thickness, length = one.cached(_sides)
+    thickness, length = one.cached(sides)
     if thickness >= _THIN:
         return False
-    shorter, longer = whole.cached(_sides)
+    shorter, longer = whole.cached(sides)
     return shorter > _THIN and _SIDE[0] * shorter <= length <= _SIDE[1] * longer
 
 
@@ -108,7 +108,7 @@ def likeness_of(known: PreparedPolygon, fresh: PreparedPolygon) -> float:
     return fresh.cached(_likeness_to, known)
 
 
-def _sides(shape: PreparedPolygon) -> tuple[float, float]:
+def sides(shape: PreparedPolygon) -> tuple[float, float]:
     """Return the sides of the smallest rectangle around a shape, the shorter one first [m]."""
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape.geometry))
     if len(corners) < 4:  # a point or a line

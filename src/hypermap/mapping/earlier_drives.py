@@ -28,7 +28,7 @@ from hypermap.mapping.moved import GONE
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.reunion import Reunion, SeenBefore, parted
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.track_shapes import Rows
+from hypermap.mapping.track_shapes import TrackShapes
 from hypermap.mapping.tracks import Track, TrackTable, are_two
 
 T = TypeVar("T")
@@ -134,8 +134,9 @@ class EarlierDrives:
         own = {known: fresh for fresh, known in joined.items()}
         shape, class_ = shapes.polygons[row], int(shapes.classes[row])
         matches = self._associate(shape, class_, shapes, self._config)
-        beside = _beside(table, row) if shape.area < _BESIDE**2 else []
-        for known in [*matches, *beside]:
+        near = [one for _, one in beside(shape, class_, shapes)]
+        near = [one for one in near if objects[one].id < table.first_id]
+        for known in [*matches, *near]:
             is_free = objects[known].by_hand is None and table.existence[known] > GONE
             if known in own and is_free and not are_two(objects[own[known]], objects[row], 0):
                 return known
@@ -189,16 +190,23 @@ def _has_shifted(tracks: TrackTable, known: int, fresh: int) -> bool:
     return _is_elsewhere(here.geometry, was.geometry, own.buffer.items, track.buffer.items)
 
 
-def _beside(table: TrackTable, row: int) -> Rows:
-    """Return the rows of known tracks of the same class just beside another one."""
-    shapes = table.shapes
-    place = shapes.polygons[row].geometry.centroid
-    return [
-        known
-        for known in shapes.near(int(shapes.classes[row]), place.buffer(_BESIDE).bounds)
-        if table.objects[known].id < table.first_id
-        and shapely.distance(shapes.polygons[known].geometry.centroid, place) < _BESIDE
+def beside(shape: PreparedPolygon, class_: int, tracks: TrackShapes) -> list[tuple[float, int]]:
+    """Return where tracks of a class are just beside a small shape, in the order of their rows.
+
+    Poses may put one small object into two places. Of a larger one, they overlap.
+
+    Returns:
+        The distances of the centroids [m], and the rows of the tracks; none for a larger shape.
+    """
+    if not shape.area < _BESIDE**2:
+        return []
+    place = shape.geometry.centroid
+    rows = tracks.near(class_, place.buffer(_BESIDE).bounds)
+    ways = [
+        (float(shapely.distance(tracks.polygons[row].geometry.centroid, place)), row)
+        for row in rows
     ]
+    return [(way, row) for way, row in ways if way < _BESIDE]
 
 
 def _move(table: TrackTable, known: int, fresh: int, confidence: float) -> None:

@@ -8,10 +8,11 @@ from collections.abc import Sequence, Set
 import numpy as np
 import shapely
 
-from hypermap.mapping.evidence_buffer import MAPPED, STALE
+from hypermap.mapping.compared_tracks import sides
+from hypermap.mapping.evidence_buffer import MAPPED, STALE, EvidenceBuffer
 from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.occlusion import visible_shares
-from hypermap.mapping.prepared_polygon import shared_area
+from hypermap.mapping.prepared_polygon import PreparedPolygon, shared_area
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable
@@ -95,11 +96,13 @@ def _penalize_by_rays(
     rows = [row for row, existence in again.items() if not existence > config.publish_above]
     chosen = np.array(rows, np.int64)
     samples = tracks.shapes.samples(chosen)
-    seen = visible_shares(view, samples, tracks.shapes.heights, config.tolerance, chosen)
+    known_from = np.array([_known_from(tracks, row, stamp, again[row]) for row in rows])
+    heights = tracks.shapes.heights
+    seen = visible_shares(view, samples, heights, config.tolerance, chosen, known_from)
     shares = zip(rows, *seen.lists(), strict=True)
     for row, visible, through, beyond in shares:
         buffer, spared = tracks.objects[row].buffer, 0.0
-        if stamp - buffer.last_seen > STALE and again[row] == -math.inf:
+        if _is_unseen_since(buffer, stamp, again[row]):
             is_large = bool(samples.widths[row] > 2 * config.tolerance)
             loss = _loss_since_another_drive(
                 tracks, row, (visible, beyond), is_large, shown, config
@@ -112,6 +115,29 @@ def _penalize_by_rays(
             loss = _loss_of_miss(tracks, row, shown, config)
             spared = config.loss - loss
         tracks.change_existence(row, -loss, spared)
+
+
+def _is_unseen_since(buffer: EvidenceBuffer, stamp: float, again: float) -> bool:
+    """Return whether only another drive has seen an object; `again` as of `_found_again`."""
+    return stamp - buffer.last_seen > STALE and again == -math.inf
+
+
+def _known_from(tracks: TrackTable, row: int, stamp: float, again: float) -> float:
+    """Return up to which distance another drive has detected an object in half of its views [m].
+
+    0 for those that this drive has seen.
+    """
+    buffer = tracks.objects[row].buffer
+    if not buffer.items or not _is_unseen_since(buffer, stamp, again):
+        return 0.0
+    return tracks.shapes.polygons[row].cached(_median_distance, buffer)
+
+
+def _median_distance(shape: PreparedPolygon, buffer: EvidenceBuffer) -> float:
+    """Return the median distance of the cameras that have seen a shape from its middle [m]."""
+    cameras = np.array([item.map_T_camera[:2, 3] for item in buffer.items])
+    x, y = shape.geometry.centroid.coords[0]
+    return float(np.median(np.hypot(*(cameras - (x, y)).T)))
 
 
 def _loss_since_another_drive(
@@ -144,7 +170,9 @@ def _loss_since_another_drive(
     if is_gone:
         return config.stale_loss
     passed = beyond / visible if is_large else 0.0
-    is_filled = is_large and 1 - passed >= _FILLED
+    thickness, _ = tracks.shapes.polygons[row].cached(sides)
+    # Rays at a curtain that was taken away end at the wall, which is as near as their error.
+    is_filled = is_large and thickness > config.tolerance and 1 - passed >= _FILLED
     if not is_well_known or (is_filled and not _touches_another(tracks, row, shown)):
         return config.loss
     return config.stale_miss + passed * (config.stale_loss - config.stale_miss)

@@ -150,12 +150,13 @@ def visible_shares(
     heights: NDArray[np.float64],
     tolerance: float,
     rows: IntArray | None = None,
+    detected_from: NDArray[np.float64] | None = None,
 ) -> SeenShares:
     """Return how much of each object a frame could see, and how much it saw through.
 
     Samples of each object are projected into the depth image. A ray that ended before the object
     shows an occlusion; one that ended behind it passed through its place. Objects too small or too
-    far away to be detected have no visible samples.
+    far away to be detected have no visible samples, unless they were detected from there.
 
     Args:
         view: where the frame's rays ended.
@@ -163,8 +164,11 @@ def visible_shares(
         heights: lowest and highest point of each object [m], shape (N, 2).
         tolerance: error of the measured surface of an object [m].
         rows: of the objects to look at; None for all.
+        detected_from: up to which distance each of these is known to be detected [m], however
+            small it is, shape (R,); None for none.
     """
     rows = np.arange(len(heights)) if rows is None else rows
+    detected_from = np.zeros(len(rows)) if detected_from is None else detected_from
     found = np.empty((3, len(rows)))
     _count_seen(
         view.reach,
@@ -175,6 +179,7 @@ def visible_shares(
         samples.widths,
         heights,
         rows,
+        detected_from,
         tolerance,
         _FEWEST_RAYS / view.every**2,
         found,
@@ -192,6 +197,7 @@ def _count_seen(
     widths: NDArray[np.float64],
     heights: NDArray[np.float64],
     rows: IntArray,
+    detected_from: NDArray[np.float64],
     tolerance: float,
     fewest: float,
     found: NDArray[np.float64],
@@ -207,8 +213,9 @@ def _count_seen(
         widths: likewise, shape (N,).
         heights: as in `visible_shares`, as `rows` and `tolerance`.
         rows: likewise.
+        detected_from: likewise.
         tolerance: likewise.
-        fewest: rays that must be able to hit an object; smaller ones cannot be detected.
+        fewest: rays that must be able to hit an object; smaller ones are not detected otherwise.
         found: filled with the shares, shape (3, R).
     """
     T = map_T_camera
@@ -221,7 +228,8 @@ def _count_seen(
             mean += far / around.shape[1]
         size = widths[i] * (heights[i, 1] - heights[i, 0])
         visible = through = beyond = 0
-        if size * K[0, 0] * K[1, 1] / max(mean, 1e-3) ** 2 >= fewest:
+        is_large = size * K[0, 0] * K[1, 1] / max(mean, 1e-3) ** 2 >= fewest
+        if is_large or nearest <= detected_from[n]:
             for k in range(xy.shape[1]):
                 x, y = xy[i, k, 0] - T[0, 3], xy[i, k, 1] - T[1, 3]
                 own = np.hypot(x, y)

@@ -8,23 +8,25 @@ likely by a factor of e.
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray
 from hypermap.history.likeness import FARTHEST, MIN_SHIFT
-from hypermap.mapping.compared_tracks import ComparedTracks, likeness_of_tracks
+from hypermap.mapping.compared_tracks import ComparedTracks, likeness_of_tracks, sides
 from hypermap.mapping.evidence_buffer import CONFIRMED, MAPPED, STALE, Evidence
 from hypermap.mapping.moved import GONE, views_of_tracks, was_without
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_colors import SAME_COLOR, color_distances
 from hypermap.mapping.track_shapes import Rows
-from hypermap.mapping.tracks import TrackTable
+from hypermap.mapping.tracks import TrackTable, are_two
 
 _NEVER = 1e6  # of what is impossible
 
@@ -234,10 +236,31 @@ class Reunion:
         last = np.array([objects[row].buffer.surely_there[1] for row in one.known])
         first = np.array([objects[row].buffer.surely_there[0] for row in one.fresh])
         is_known = np.array([self._can_move(row) and row not in same for row in one.known])
-        is_sure = np.array([self._is_published(r) and r not in stayed for r in one.fresh])
+        is_sure = np.array(
+            [
+                self._is_published(row) and row not in stayed and not self._is_second(row, stayed)
+                for row in one.fresh
+            ]
+        )
         found: BoolArray = (one.ways >= MIN_SHIFT) & (one.ways <= FARTHEST)
         found &= (first > last[:, None]) & is_known[:, None] & is_sure
         return found
+
+    def _is_second(self, row: int, stayed: Set[int]) -> bool:
+        """Return whether a thin track of this drive is hardly apart from one of what has stayed.
+
+        Then poses have put that thing into two places, unless frames show both.
+        """
+        objects, shapes = self._tracks.objects, self._tracks.shapes
+        track, shape = objects[row], shapes.polygons[row]
+        if shape.cached(sides)[0] > self._config.tolerance:
+            return False
+        return any(
+            objects[other].name == track.name
+            and shapely.dwithin(shapes.polygons[other].geometry, shape.geometry, _SAME_PLACE)
+            and not are_two(track, objects[other], 0)
+            for other in stayed
+        )
 
     def _can_move(self, row: int) -> bool:
         """Return whether a known object may have been in the map, and no one has edited it."""

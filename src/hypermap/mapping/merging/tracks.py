@@ -1,7 +1,8 @@
 """Joins the tracks of two maps of one place: those of one object become one.
 
-Tracks of two maps are associated one to one, as observations are with tracks. If only one map has a
-track, each later view of the other map that should have shown it is a missed detection.
+Tracks of two maps are associated one to one, as observations are with tracks; small ones also where
+poses may have put them beside their places, as between drives. If only one map has a track, each
+later view of the other map that should have shown it is a missed detection.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.mapping.association import ASSOCIATIONS
+from hypermap.mapping.earlier_drives import beside
 from hypermap.mapping.evidence_buffer import Evidence
+from hypermap.mapping.footprint_iou import at_same_height
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.missed_detections import prune
 from hypermap.mapping.prepared_polygon import shared_area
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.tracks import TrackTable
+from hypermap.mapping.tracks import TrackTable, are_two
 
 _VISIBLE, _WHOLE = 0.5, 1 - 1e-6
 """Share of an object that a later view must cover to have missed it: on free floor, elsewhere."""
@@ -69,6 +72,7 @@ def join_tracks(
     tracks, second = first.snapshot(), second.snapshot()
     _use_same_classes(tracks, second)
     partners = _partners(tracks, second, config)
+    partners |= _doubles(tracks, second, partners)
     until = _until(tracks, second, partners)
     views = _views(tracks), _views(second)
     _count_misses(tracks, until[0], views[1], is_free[1], config)
@@ -128,6 +132,33 @@ def _partners(first: TrackTable, second: TrackTable, config: EvidenceConfig) -> 
     return partners
 
 
+def _doubles(first: TrackTable, second: TrackTable, partners: dict[int, int]) -> dict[int, int]:
+    """Return partners of more tracks of the second table, small ones beside those of the first.
+
+    They are pieces of evidence for one object, unless frames of the second map show it together
+    with a nearer partner.
+    """
+    taken = {row: second.objects[second.rows_of([other])[0]] for other, row in partners.items()}
+    ways: list[tuple[float, int, int]] = []
+    for row, track in enumerate(second.objects):
+        if track.id not in partners and track.by_hand is None:
+            polygon, class_ = second.shapes.polygons[row], int(second.shapes.classes[row])
+            heights = second.shapes.heights[row]
+            ways += [
+                (way, row, match)
+                for way, match in beside(polygon, class_, first.shapes)
+                if first.objects[match].by_hand is None
+                and at_same_height(heights, first.shapes.heights[match])
+            ]
+    found: dict[int, int] = {}
+    for _, row, match in sorted(ways):
+        track, partner = second.objects[row], taken.get(match)
+        if track.id not in found and (partner is None or not are_two(partner, track, 0)):
+            found[track.id] = match
+            taken.setdefault(match, track)
+    return found
+
+
 def _is_there(tracks: TrackTable, config: EvidenceConfig) -> BoolArray:
     """Return which tracks are on their map, by their existence or by hand, shape (N,)."""
     is_there: BoolArray = tracks.existence > config.publish_above
@@ -169,7 +200,7 @@ def _until(
     until = [math.inf] * len(first.objects), [math.inf] * len(second.objects)
     for other, row in partners.items():
         (other_row,) = second.rows_of([other])
-        until[0][row] = second.objects[other_row].buffer.first_seen
+        until[0][row] = min(until[0][row], second.objects[other_row].buffer.first_seen)
         until[1][other_row] = first.objects[row].buffer.first_seen
     return until
 
@@ -231,5 +262,8 @@ def _add_co_occurrences(
     for theirs in second.objects:
         (row,) = tracks.rows_of([ids[theirs.id]])
         track = tracks.objects[row]
-        counts = Counter({ids[other]: n for other, n in theirs.co_occurrences.items()})
+        counts: Counter[int] = Counter()
+        for other, n in theirs.co_occurrences.items():
+            counts[ids[other]] += n
+        del counts[track.id]  # of parts of one
         track.co_occurrences = track.co_occurrences + counts if track.id in pairs else counts
