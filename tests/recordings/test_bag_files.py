@@ -17,21 +17,6 @@ from .bag_builder import COLOR, DEPTH, IMAGE, BagBuilder, add_images, add_poses,
 from .bag_tools import frames_of, storage_file, without
 from .shots import INTRINSICS, SHOTS, assert_shows
 
-REPAIR = {"ros1": "rosbag reindex", "db3": "ros2 bag reindex", "mcap": "mcap recover"}
-
-
-def test_a_bag_that_was_cut_off_is_an_error_with_a_remedy(tmp_path: Path, kind: str) -> None:
-    file = storage_file(write_bag(tmp_path, kind, SHOTS))
-    content = file.read_bytes()
-    cut = tmp_path / ("cut" + file.suffix)
-    cut.write_bytes(content[: len(content) * 2 // 3])
-    recording = open_recording(cut)
-    with pytest.raises(FormatError) as caught:
-        list(recording.frames())
-    assert str(caught.value).startswith(f"{cut}: the bag cannot be read (")
-    assert f"`{REPAIR[kind]}` may repair it" in str(caught.value)
-    assert recording.info().missing == (str(caught.value),)
-
 
 @pytest.mark.parametrize("content", [b"", b"this is not a bag\n" * 100])
 def test_a_foreign_file_is_an_error_that_info_tells(

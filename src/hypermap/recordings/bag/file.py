@@ -22,6 +22,7 @@ from hypermap.recordings.bag.bombs import (
     check_definition,
     check_files,
 )
+from hypermap.recordings.bag.cut_off import Ros1Reader, Ros2Reader, cut_off_in, log_of
 from hypermap.recordings.bag.definitions import DETECTION_TYPES, known_types
 from hypermap.recordings.bag.order import read_as_written, read_without_index
 from hypermap.recordings.bag.parts import is_ros1_bag, parts_of
@@ -90,6 +91,19 @@ class BagFile:
                     counts[key] = counts.get(key, 0) + connection.msgcount
         return [Topic(name, kind, counts[name, kind]) for name, kind in sorted(counts)]
 
+    @cached_property
+    def cut_off(self) -> list[str]:
+        """A sentence for each file that ends early, or is read only in part.
+
+        Raises:
+            FormatError: If the bag cannot be read.
+        """
+        notes = []
+        for part in self._parts:
+            with _open(part) as reader:
+                notes += cut_off_in(reader, "the bag" if len(self._parts) == 1 else part.name)
+        return notes
+
     def messages(
         self,
         names: Collection[str],
@@ -154,7 +168,7 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
     try:
         check_files(path)
         _check_metadata(path / "metadata.yaml")
-        reader = rosbag1.Reader(path) if is_ros1_bag(path) else rosbag2.Reader(path)
+        reader = Ros1Reader(path) if is_ros1_bag(path) else Ros2Reader(path)
         with bounded_databases():
             reader.open()
         try:
@@ -171,6 +185,8 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
         detail = str(error) or type(error).__name__
         if "Profile is not ros2" in detail:
             raise FormatError("only MCAP files of ROS 2 can be read", path=path) from error
+        if log := log_of(path):
+            raise FormatError(f"the bag cannot be read ({detail}); it {log}", path=path) from error
         raise FormatError(
             f"the bag cannot be read ({detail}); if its recording was cut off, "
             f"`{repair}` may repair it",

@@ -15,20 +15,23 @@ from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from hypermap.core.arrays import IntArray
+from hypermap.recordings.bag.cut_off import SqliteReader
 
 _BACK = 1_000_000_000  # [ns] by which times go back where a clock was set, or time began again
 _INDEX_HEAD = 15  # bytes before the times in a MCAP message index: opcode, lengths, channel
 
 
 def read_without_index(reader: rosbag1.Reader | rosbag2.Reader) -> None:
-    """Let a reader yield the messages of MCAP files without chunks as written.
+    """Let a reader yield the messages of files without an index as written.
 
-    Those of `ros2 bag record --storage-preset-profile fastwrite` are such; rosbags refuses them if
-    times go back in them, by however little.
+    MCAP files of `ros2 bag record --storage-preset-profile fastwrite` are such; rosbags refuses
+    them if times go back in them, by however little. So are files that were cut off.
     """
     for storage in _storages(reader):
         if isinstance(storage, McapReader) and not storage.chunks:
             vars(storage)["messages"] = storage.messages_scan
+        elif isinstance(storage, SqliteReader) and storage.lacks_rows:
+            vars(storage)["messages"] = partial(_rows_of, storage)
 
 
 def read_as_written(

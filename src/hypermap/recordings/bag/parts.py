@@ -27,7 +27,9 @@ def parts_of(path: Path) -> list[Path]:
     Raises:
         FormatError: If a folder holds several bags that are not parts of one.
     """
-    if path.is_file() or (path / "metadata.yaml").exists():
+    metadata = path / "metadata.yaml"
+    is_empty = metadata.is_file() and metadata.stat().st_size == 0  # as after a loss of power
+    if path.is_file() or (metadata.exists() and not is_empty):
         return [path]
     files = sorted(file for file in path.iterdir() if file.suffix in ENDINGS)
     if len(files) == 1:

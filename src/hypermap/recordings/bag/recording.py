@@ -51,6 +51,7 @@ class BagRecording:
         self._path = path
         self._options = options
         self._bag = BagFile(path)
+        self._has_warned = False  # once is enough where the poses are corrected in a pass before
 
     @property
     def path(self) -> Path:
@@ -89,8 +90,14 @@ class BagRecording:
         """
         self._require_no_problems()
         plan = self._plan
-        for note in (*plan.map_frame_notes, *plan.left_out()):
+        notes = (
+            ()
+            if self._has_warned
+            else (*self._bag.cut_off, *plan.map_frame_notes, *plan.left_out())
+        )
+        for note in notes:
             _log.warning("%s: %s", self._path, note)
+        self._has_warned = True
         for log_time, damage in plan.damaged:
             if on_bad is None:
                 raise damage
@@ -112,6 +119,7 @@ class BagRecording:
         frames, duration, image_size = 0, 0.0, None
         try:
             streams = self._streams(ChosenTopics())
+            notes += self._bag.cut_off
             streams = self._streams(self._topics)
             missing += self._problems()
             if not missing:

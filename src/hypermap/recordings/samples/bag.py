@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from array import array
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,8 @@ from hypermap.recordings.messages.header import as_seconds, clean_frame, nanosec
 from hypermap.recordings.messages.transforms import TransformLog
 from hypermap.recordings.samples.fields import reading_of
 from hypermap.recordings.samples.measured import Measured, checked, sensor_positions
+
+_log = logging.getLogger(__name__)
 
 MAX_GAP = 1.0
 """Seconds between two poses across which none is interpolated."""
@@ -56,6 +59,8 @@ def read_bag(
             where the sensor was.
     """
     bag = BagFile(path)
+    for note in bag.cut_off:
+        _log.warning("%s: %s", path, note)
     try:
         kind = _topic(bag, topic).type
         reading = reading_of(kind, field)
@@ -93,6 +98,8 @@ def motion_in_bag(path: Path, map_frame: str, sensor_frame: str | None) -> Motio
         FormatError: If the bag cannot be read, or tf does not say where the sensor was.
     """
     bag = BagFile(path)
+    for note in bag.cut_off:
+        _log.warning("%s: %s", path, note)
     log = TransformLog()
     for name, log_time, message in bag.messages(
         _transform_topics(bag), lambda *_: None, as_written=True
