@@ -212,6 +212,47 @@ def test_that_whole_lines_at_the_end_are_missing_is_noticed(tmp_path: Path, line
         at_version(again, 3)
 
 
+def test_that_a_line_in_the_middle_is_missing_is_noticed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "office.hmap"
+    office(path)
+    opened = edited(path, lambda content: b"".join(content.splitlines(keepends=True)[::2]))
+    assert opened.history is not None
+    with caplog.at_level(logging.WARNING):
+        told = [(one.version, one.follows_loss) for one in opened.history.revisions()]
+    assert told == [(2, False), (4, True)]
+    said = "a part of the map's history is lost: 1 part of it cannot be read: what changed "
+    assert f"{said}between versions 2 and 4" in caplog.text
+    assert at_version(opened, 3).semantic().names.tolist() == ["seat"]
+    with pytest.raises(HypermapError, match="in version 2 the map is not known: a later part"):
+        at_version(opened, 2)
+
+
+def test_a_version_without_a_line_is_not_missing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "office.hmap"
+    office(path)
+    hypermap = open_map(path)
+    hypermap.metadata[MAP_VERSION] = 7  # as a tool does that changes other layers
+    hypermap.semantic().rename(3, "bench")
+    hypermap.save(path)
+    history = open_map(path).history
+    assert history is not None
+    assert [(one.version, one.follows_loss) for one in history.revisions()][-2:] == [
+        (4, False),
+        (7, False),
+    ]
+    assert not caplog.records
+
+
+def test_lines_that_a_policy_drops_are_not_missing(caplog: pytest.LogCaptureFixture) -> None:
+    history = History(added=tuple(revision(n, n * DAY) for n in range(1, 101)))
+    assert versions(history_files(history, HistoryPolicy(keep="10d"))) == list(range(90, 101))
+    assert not caplog.records
+
+
 def test_a_line_that_stands_twice_is_told_once(tmp_path: Path) -> None:
     path = tmp_path / "office.hmap"
     office(path)

@@ -40,7 +40,7 @@ _FULL = 256 * 1024  # bytes of a file, from which on another one is begun
 _DAY, _LONG_PAUSE = 86_400.0, 30 * 86_400.0  # s
 _EDIT = b'"cause":"edit"'
 _LOST = b'{"lost":true}\n'
-_VERSION = re.compile(rb'\{"version":(\d{1,9}),')
+_VERSION = re.compile(rb'\{"version":(\d{1,9}),(?:"previous":(\d{1,9}),)?')
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 _WRONG = (
     *(KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError),
@@ -92,6 +92,8 @@ class HistoryFiles:
                 if hash(line) in told:  # it stands twice
                     continue
                 told.add(hash(line))
+                if not is_lost and revisions and _is_missing_before(line, revisions[-1].version):
+                    is_lost, lost = True, lost + 1
                 if is_lost:
                     when.append(_span(revisions[-1:], revision))
                 revisions.append(replace(revision, follows_loss=is_lost))
@@ -123,7 +125,7 @@ def history_files(history: History, policy: HistoryPolicy) -> dict[str, bytes]:
         before = kept.get(name, b"")
         if before and not before.endswith(b"\n"):  # damaged: its end is missing
             before += b"\n"
-        kept[name] = before + dump_revision(revision) + b"\n"
+        kept[name] = before + dump_revision(revision, end_of(kept)) + b"\n"
     return _bounded(kept, policy) if added else kept
 
 
@@ -231,10 +233,23 @@ def _time_in(line: bytes) -> float | None:
         return None
 
 
-def dump_revision(revision: Revision) -> bytes:
-    """Return a line of the file, without its end."""
+def _is_missing_before(line: bytes, version: int) -> bool:
+    """Return whether a line is not the next one after that of a version, where it says so."""
+    found = _VERSION.match(line)
+    return found is not None and found[2] is not None and int(found[2]) != version
+
+
+def dump_revision(revision: Revision, previous: int | None = None) -> bytes:
+    """Return a line of the file, without its end.
+
+    Args:
+        revision: what it says.
+        previous: version of the line before, by which it is known that this is there; None if there
+            is none, or it cannot be read.
+    """
     document = {
         "version": revision.version,
+        **({} if previous is None else {"previous": previous}),
         "time": None if revision.time is None else _clock(revision.time),
         "cause": revision.cause,
         "drive": revision.drive,
