@@ -11,7 +11,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import FrameError, HypermapError
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
@@ -377,3 +377,61 @@ def test_a_simulator_may_name_the_body_of_its_camera() -> None:
 def test_settings_that_do_not_go_together_are_reported(values: dict[str, Any], words: str) -> None:
     with pytest.raises(HypermapError, match=words):
         LiveSettings(depth_topic="/depth", detections_topic="/boxes", **values)
+
+
+class Entities:
+    """A port of which one entity cannot be made; keeps those that are open."""
+
+    def __init__(self, values: dict[str, Any], broken: str) -> None:
+        self.node_name, self.open, self.broken = "/mapper", [], broken
+        self._values = values
+
+    def parameters(self, parameters: Any, _: Any) -> dict[str, Any]:
+        return {p.name: checked(p, self._values.get(p.name, p.default)) for p in parameters}
+
+    def origins(self) -> dict[str, str]:
+        return {}
+
+    def now(self) -> int:
+        return 0
+
+    def lookup(self, *_: object) -> Any:
+        raise FrameError("there is no tf")
+
+    def log(self, *_: str) -> None:
+        pass
+
+    def _made(self, what: object, *_: object, **__: object) -> Any:
+        if what == self.broken:
+            raise HypermapError(f"{what} cannot be made")
+        self.open.append(what)
+        return SimpleNamespace(close=lambda: self.open.remove(what), listeners=0)
+
+    publisher = subscribe = service = timer = _made
+
+
+@pytest.mark.parametrize("broken", ["save_map", "/map", "/depth_info", "/found", "/depth", "/path"])
+def test_an_activation_that_fails_leaves_nothing_behind(tmp_path: Path, broken: str) -> None:
+    values = {
+        "depth_topic": "/depth",
+        "camera_info_topic": "/depth_info",
+        "detections_topic": "/found",
+        "map_topic": "/map",
+        "path_topic": "/path",
+        "frontiers": True,
+        "save_to": str(tmp_path / "office.hmap"),
+    }
+    port = Entities(values, broken)
+    node = SemanticMapper(port)  # type: ignore[arg-type]
+    node.configure()
+    before = set(threading.enumerate())
+    with pytest.raises(HypermapError, match=f"{broken} cannot be made"):
+        node.activate()
+    assert port.open == []
+    assert set(threading.enumerate()) <= before
+    node.deactivate()  # as ROS 2 does then
+    port.broken = ""
+    node.activate()
+    assert "/depth" in port.open
+    node.deactivate()
+    assert port.open == []

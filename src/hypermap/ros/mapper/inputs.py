@@ -5,7 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from hypermap.core.errors import FormatError
@@ -14,7 +16,7 @@ from hypermap.recordings.messages.header import nanoseconds
 from hypermap.ros.mapper.settings import CAMERA_INFO, LiveSettings
 from hypermap.ros.mapper.statistics import Fate, Statistics
 from hypermap.ros.mapper.synchronizer import MatchedMessages, Synchronizer
-from hypermap.ros.port import Closable, Message, Port
+from hypermap.ros.port import Message, Port
 from hypermap.ros.throttle import Throttle
 
 _QUEUE = 10  # messages of a topic that may wait for us; we take them at once
@@ -82,27 +84,23 @@ class LiveInputs:
         if settings.color_topic and (settings.register or not others):
             others["color"] = (settings.color_topic, settings.color_type, self._take_color)
         self._synchronizer = Synchronizer(tuple(others), settings.slop, settings.patience)
-        self._subscriptions: list[Closable] = []
-        if settings.info_topic:
-            self._subscriptions.append(
-                port.subscribe(settings.info_topic, CAMERA_INFO, on_camera_info)
-            )
-        if settings.color_info_topic:
-            self._subscriptions.append(
-                port.subscribe(settings.color_info_topic, CAMERA_INFO, on_color_info)
-            )
-        for topic, type_name, take in others.values():
-            self._subscriptions.append(port.subscribe(topic, type_name, take, queue=_QUEUE))
-        self._subscriptions.append(
-            port.subscribe(
-                settings.geometry_topic, settings.geometry_type, self._take_geometry, queue=_QUEUE
-            )
-        )
+        subscribe = partial(port.subscribe, queue=_QUEUE)
+        with ExitStack() as begun:  # which is closed again where a subscription cannot be made
+            if settings.info_topic:
+                info = port.subscribe(settings.info_topic, CAMERA_INFO, on_camera_info)
+                begun.enter_context(closing(info))
+            if settings.color_info_topic:
+                info = port.subscribe(settings.color_info_topic, CAMERA_INFO, on_color_info)
+                begun.enter_context(closing(info))
+            for stream in others.values():
+                begun.enter_context(closing(subscribe(*stream)))
+            geometry = settings.geometry_topic, settings.geometry_type, self._take_geometry
+            begun.enter_context(closing(subscribe(*geometry)))
+            self._subscriptions = begun.pop_all()
 
     def close(self) -> None:
         """Listen no more."""
-        for subscription in self._subscriptions:
-            subscription.close()
+        self._subscriptions.close()
 
     def _take_geometry(self, message: Message) -> None:
         arrived = time.monotonic()

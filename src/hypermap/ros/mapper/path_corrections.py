@@ -37,12 +37,12 @@ class PathCorrections:
         self._newest: Message | None = None
         self._wakes = threading.Event()
         self._ends = False
-        self._thread = threading.Thread(target=self._work, name="path corrections", daemon=True)
-        self._thread.start()
         if settings.graph_topic:
             self._subscription = port.subscribe(self._topic, GRAPH, self._take_graph, queue=_QUEUE)
         else:
             self._subscription = port.subscribe(self._topic, PATH, self._take, latched=True)
+        self._thread = threading.Thread(target=self._work, name="path corrections", daemon=True)
+        self._thread.start()
 
     def close(self) -> None:
         """Correct no more."""

@@ -5,8 +5,10 @@ Callbacks hand the newest complete frame to a worker, which maps it; see `worker
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import TypeVar
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
@@ -30,6 +32,9 @@ from hypermap.ros.mapper.worker import Worker
 from hypermap.ros.port import Closable, Message, Port, Value
 from hypermap.ros.throttle import Throttle
 from hypermap.text import counted
+
+_STORE = "hypermap_msgs/StoreMap"
+_Part = TypeVar("_Part", bound=Closable)
 
 
 class SemanticMapper:
@@ -143,36 +148,64 @@ class _Life:
         self._log = Throttle(port.log)
         self._frames = FrameMaker(settings, port.log)
         self._said = ""
-        self.outputs = LiveOutputs(port, settings, live_map, topics)
+        self._others: list[Closable] = []
+        with ExitStack() as begun:  # which is closed again where a part cannot begin
+            self._begin(begun, values, topics)
+            begun.pop_all()
+
+    def _begin(self, begun: ExitStack, values: Mapping[str, Value], topics: PolygonTopics) -> None:
+        port, settings, live_map = self._port, self._settings, self._map
+
+        def closing_later(part: _Part) -> _Part:
+            return begun.enter_context(closing(part))
+
+        self.outputs = closing_later(LiveOutputs(port, settings, live_map, topics))
         self.outputs.set(values)
-        self._diagnostics = port.publisher("/diagnostics", diagnostics.TYPE)
-        self._worker = Worker(
-            port, settings, live_map, self._frames, self.outputs, self._statistics, self._log
+        self._diagnostics = closing_later(port.publisher("/diagnostics", diagnostics.TYPE))
+        self._worker = closing_later(
+            Worker(
+                port, settings, live_map, self._frames, self.outputs, self._statistics, self._log
+            )
         )
-        self._saving = Saving(port, settings, live_map, self._log)
-        self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
+        self._saving = closing_later(Saving(port, settings, live_map, self._log))
+        for other in self._make_others():
+            self._others.append(closing_later(other))
+        self._values = closing_later(LiveValues(port, settings, live_map, self._log))
+        self._inputs = closing_later(
+            LiveInputs(
+                port,
+                settings,
+                self._statistics,
+                self._log,
+                self._worker.put,
+                self._take_camera_info,
+                self._take_color_info,
+                self._worker.jump,
+            )
+        )
+
+    def _make_others(self) -> Iterator[Closable]:
+        """Yield what is there besides mapping, each when the one before is kept."""
+        port, settings, live_map = self._port, self._settings, self._map
+        yield port.timer(1.0, self._diagnose)
+        yield port.service(
+            "clear",
+            "std_srvs/Trigger",
+            self._clear,
+            lambda text: self._answer("std_srvs/Trigger", False, text),
+        )
+        yield port.service(
+            "save_map", _STORE, self._store, lambda _: port.response(_STORE)(success=False)
+        )
         if settings.frontiers:
-            self._others.append(LiveExploration(port, settings, live_map, self._log))
-        self._values = LiveValues(port, settings, live_map, self._log)
+            yield LiveExploration(port, settings, live_map, self._log)
         if settings.path_topic or settings.graph_topic:
-            self._others.append(PathCorrections(port, settings, live_map, self._log))
+            yield PathCorrections(port, settings, live_map, self._log)
         elif settings.odom_frame:
-            self._others.append(TfCorrections(port, settings, live_map, self._log))
+            yield TfCorrections(port, settings, live_map, self._log)
         # Before the images, for which a bag player waits: a bag publishes its map only once.
         if settings.map_topic:
-            self._others.append(
-                port.subscribe(settings.map_topic, OCCUPANCY, self._take_occupancy, latched=True)
-            )
-        self._inputs = LiveInputs(
-            port,
-            settings,
-            self._statistics,
-            self._log,
-            self._worker.put,
-            self._take_camera_info,
-            self._take_color_info,
-            self._worker.jump,
-        )
+            yield port.subscribe(settings.map_topic, OCCUPANCY, self._take_occupancy, latched=True)
 
     def close(self) -> None:
         """End it, and save the map if that was asked for."""
@@ -216,17 +249,6 @@ class _Life:
 
     # What others ask
 
-    def _serve(self) -> list[Closable]:
-        trigger, store = "std_srvs/Trigger", "hypermap_msgs/StoreMap"
-        return [
-            self._port.service(
-                "clear", trigger, self._clear, lambda text: self._answer(trigger, False, text)
-            ),
-            self._port.service(
-                "save_map", store, self._store, lambda _: self._port.response(store)(success=False)
-            ),
-        ]
-
     def _answer(self, type_name: str, success: bool, text: str) -> Message:
         return self._port.response(type_name)(success=success, message=text)
 
@@ -238,7 +260,7 @@ class _Life:
 
     def _store(self, request: Message) -> Message:
         self._saving.store(request.filename)
-        return self._port.response("hypermap_msgs/StoreMap")(success=True)
+        return self._port.response(_STORE)(success=True)
 
     def _diagnose(self) -> None:
         report = self.report()
