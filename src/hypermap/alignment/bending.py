@@ -101,9 +101,12 @@ def _with_borders(scan: Scan) -> Scan:
 def _check(bend: Bend) -> None:
     gain = bend.after - bend.before
     if bend.after < _LEAST_AGREEMENT or gain < max(_LEAST_GAIN, _GAIN * (1 - bend.before)):
+        remedy = "leave out --local"
+        if bend.after < _LEAST_AGREEMENT:
+            remedy = "do the maps show the same floor?"
         raise NotAligned(
             f"bending does not help: {bend.before:.0%} of the walls agree without it, and "
-            f"{bend.after:.0%} with it; leave out --local"
+            f"{bend.after:.0%} with it; {remedy}"
         )
     steps = [np.abs(np.diff(bend.shifts, axis=axis)).max(initial=0.0) for axis in (0, 1)]
     if max(steps) > _STEEPEST * _SPACING:
