@@ -8,6 +8,7 @@ import functools
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,15 +30,22 @@ from hypermap import (
 from hypermap.core.frames import FrameTree
 from hypermap.core.history import History, Mapped
 from hypermap.core.pictures import best_pictures
+from hypermap.core.trajectory import trajectory_of
 from hypermap.history import as_of
 from hypermap.mapping.config import profile
+from hypermap.mapping.counts import Counts
+from hypermap.mapping.drives import Drive
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.going_on import CannotGoOn
+from hypermap.mapping.frame_log import LoggedFrame, LogPart, MapBefore, packed_frame
+from hypermap.mapping.going_on import CannotGoOn, state_of
 from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.merging import CannotMerge, Merged, merge_maps
 from hypermap.mapping.merging.grids import added_layers
+from hypermap.mapping.merging.logged import Side, kept_drives
 from hypermap.mapping.merging.moving import moved_tracks, renumbered
 from hypermap.mapping.merging.tracks import join_tracks
+from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.overrides import override
 from hypermap.mapping.tracks import TrackTable
 from hypermap.perception.detectors.sources import detections_from_recording
@@ -175,14 +183,225 @@ def test_what_was_moved_is_only_where_it_is_now() -> None:
     merged = merge_maps(first_day(), second_day(*MOVED), OTHER_FRAME)
     found = objects_of(merged.hypermap)
     assert centroid(found["chair"]) == pytest.approx((2.3, 0.9), abs=0.15)
-    assert (merged.both, merged.first, merged.second) == (2, 0, 1)
-    assert (merged.gone, merged.left_out) == (1, 0)
+    assert found["chair"].id == objects_of(first_day())["chair"].id
+    assert (merged.both, merged.first, merged.second) == (3, 0, 0)
+    assert (merged.gone, merged.left_out) == (0, 0)
 
 
 def test_what_only_the_older_map_has_is_not_gone_from_the_newer_one() -> None:
-    merged = merge_maps(second_day(*MOVED), first_day(), OTHER_FRAME.inverse())
-    assert (merged.both, merged.first, merged.second) == (2, 1, 0)
+    merged = merge_maps(second_day("table", "plant"), first_day(), OTHER_FRAME.inverse())
+    assert (merged.both, merged.first, merged.second) == (2, 0, 0)
     assert (merged.gone, merged.left_out) == (0, 1)
+
+
+def as_of_an_earlier_version(hypermap: Hypermap) -> Hypermap:
+    """Return a map that keeps no frames."""
+    state = state_of(hypermap, profile("default"))
+    other = hypermap.with_layers(list(hypermap))
+    other.mapper_state = dump_state(dataclasses.replace(state, log=()))
+    return other
+
+
+def test_maps_without_frames_are_joined_as_they_are() -> None:
+    older, later = map(as_of_an_earlier_version, (first_day(), second_day(*MOVED)))
+    for first, second, pose in (
+        (older, later, OTHER_FRAME),
+        (first_day(), later, OTHER_FRAME),
+        (later, older, OTHER_FRAME.inverse()),
+    ):
+        merged = merge_maps(first, second, pose)
+        assert objects_of(merged.hypermap).keys() == {"table", "plant", "chair"}
+        assert (merged.both, merged.first + merged.second) == (2, 1)
+        assert (merged.gone, merged.left_out) == ((0, 1) if first is later else (1, 0))
+
+
+def test_later_frames_are_mapped_onto_a_map_without_frames() -> None:
+    later = second_day(*MOVED)
+    for first, second, pose in (
+        (as_of_an_earlier_version(first_day()), later, OTHER_FRAME),
+        (later, as_of_an_earlier_version(first_day()), OTHER_FRAME.inverse()),
+    ):
+        assert merge_maps(first, second, pose).both == 3
+
+
+def test_where_drives_are_not_told_apart_what_was_moved_is_not_where_the_floor_is_free() -> None:
+    maps = []
+    for things, later in ((ALL, 0.0), (MOVED, DAY)):
+        mapper = Mapper(profile("thesis"), SOURCE, drive=f"{later}")
+        for shot in frames(*things):
+            mapper.add(dataclasses.replace(shot, stamp=shot.stamp + later))
+        maps.append(mapper.hypermap())
+    merged = merge_maps(*maps, HERE)
+    assert objects_of(merged.hypermap).keys() == {"table", "plant", "chair"}
+    assert (merged.both, merged.second, merged.gone) == (2, 1, 1)
+
+
+def test_both_orders_give_the_same_map() -> None:
+    later = mapped(frames(*MOVED), later=DAY)
+    one = objects_of(merge_maps(first_day(), later, HERE).hypermap)
+    other = objects_of(merge_maps(later, first_day(), HERE).hypermap)
+    assert one.keys() == other.keys()
+    for name, item in one.items():
+        assert item.footprint.equals_exact(other[name].footprint, 1e-9)
+        assert item.existence == other[name].existence
+        assert item.first_seen == other[name].first_seen
+
+
+def test_the_history_tells_what_a_drive_onto_the_first_map_would(tmp_path: Path) -> None:
+    monday = 19_000 * DAY
+    first = changed(mapped(frames(*ALL), later=monday), tmp_path / "monday.hmap")
+    shots, told = frames("table", "chair elsewhere"), []
+    second = mapped(shots, OTHER_FRAME.inverse(), monday + DAY)
+    for hypermap in (
+        mapped(shots, later=monday + DAY, onto=first),
+        merge_maps(first, second, OTHER_FRAME).hypermap,
+    ):
+        history = changed(hypermap, tmp_path / "tuesday.hmap").history
+        assert history is not None
+        changes = history.revisions()[-1].changes
+        told.append({(one.kind, one.object.name, one.is_doubtful) for one in changes})
+    assert told[1] == told[0] == {("moved", "chair", False), ("gone", "plant", False)}
+
+
+def test_what_came_in_the_first_of_two_later_drives_is_no_doubtful_change(tmp_path: Path) -> None:
+    monday = 19_000 * DAY
+    first = changed(mapped(frames("table", "plant"), later=monday), tmp_path / "monday.hmap")
+    tuesday = mapped(frames(*ALL), later=monday + DAY)
+    later = mapped(frames(*ALL), later=monday + 2 * DAY, onto=tuesday)
+    merged = changed(merge_maps(first, later, HERE).hypermap, tmp_path / "week.hmap")
+    assert merged.history is not None
+    (change,) = merged.history.revisions()[-1].changes
+    assert (change.kind, change.object.name, change.is_doubtful) == ("added", "chair", False)
+
+
+def test_without_a_clock_the_second_map_is_the_later_one() -> None:
+    later = mapped(frames(*MOVED), later=0.3)
+    for first, second in ((first_day(), later), (later, first_day())):
+        merged = merge_maps(first, second, HERE)
+        assert merged.both == 3
+        place = centroid(objects_of(second)["chair"])
+        assert centroid(objects_of(merged.hypermap)["chair"]) == pytest.approx(place, abs=0.05)
+        drives = state_of(merged.hypermap, profile("default")).drives
+        assert drives[1].first + drives[1].offset > drives[0].last + 3600
+
+
+def test_drives_of_two_maps_are_mapped_in_the_order_of_time() -> None:
+    days = mapped(frames(*MOVED), later=2 * DAY, onto=first_day())
+    between = second_day("table", "plant")
+    for first, second, pose in (
+        (days, between, OTHER_FRAME),
+        (between, days, OTHER_FRAME.inverse()),
+    ):
+        merged = merge_maps(first, second, pose).hypermap
+        names = [drive["name"] for drive in merged.metadata["drives"]]
+        assert names == ["day 0", "day 1", "day 2"]
+        found = objects_of(merged)
+        assert found.keys() == {"table", "plant", "chair"}
+        place = HERE if first is days else OTHER_FRAME
+        assert place.apply([centroid(found["chair"])])[0] == pytest.approx((2.3, 0.9), abs=0.15)
+
+
+def side_of(
+    logged: Sequence[tuple[float, float]], until: float = -math.inf, later: float = 0.0
+) -> Side:
+    """Return a map of drives whose frames are kept, from one stamp to another, and older ones."""
+    drives = [Drive("older", until - 60, until, [0, 1])] if until > -math.inf else []
+    parts = []
+    for begin, end in logged:
+        tracks = TrackTable(DEFAULT.max_existence)
+        if drives:
+            evidence = EvidenceMap(DEFAULT)
+            evidence.update(seen(CHAIR, stamp=drives[-1].last))
+            tracks = evidence.tracks()
+        before = MapBefore(tracks, np.zeros(2, np.int64), None)
+        parts.append(LogPart(before, [begin, end], [b""] * 2, [np.eye(4)] * 2))
+        drives.append(Drive(f"{begin}", begin, end, [0, 1]))
+    table = TrackTable(DEFAULT.max_existence)
+    state = MapperState(table, None, np.zeros(2, np.int64), None, drives, Counts(), [], log=parts)
+    return Side(state, table, HERE, later)
+
+
+HOUR = 3600.0
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        # The next day goes on from the first map, in both orders.
+        (([(0, 60)],), ([(DAY, DAY + 60)],), (1, 0)),
+        (([(DAY, DAY + 60)],), ([(0, 60)],), (0, 1)),
+        # Days in turn: from the second one on.
+        (([(0, 60), (2 * DAY, 2 * DAY + 60)],), ([(DAY, DAY + 60)],), (1, 0)),
+        # What is older than what the other map keeps no frames of is joined as it is.
+        (([(8 * DAY, 8 * DAY + 60)], 7 * DAY), ([(5 * DAY, 5 * DAY + 60)],), (0, 1)),
+        # Two robots at the same time, of which the frames of the last minutes are kept.
+        (([(3 * HOUR, 3.3 * HOUR)], 3 * HOUR), ([(3.1 * HOUR, 3.4 * HOUR)], 3.1 * HOUR), (0, 0)),
+        # A map without drives, or without frames.
+        (([],), ([(0, 60)],), (0, 1)),
+        (([], DAY), ([(0, 60)],), (0, 1)),
+        (([(0, 60)],), ([], DAY), (1, 0)),
+    ],
+)
+def test_frames_are_mapped_again_from_where_the_maps_meet(
+    first: tuple[Any, ...], second: tuple[Any, ...], expected: tuple[int, int]
+) -> None:
+    assert kept_drives((side_of(*first), side_of(*second))) == expected
+
+
+def test_drives_that_go_on_with_a_part_of_the_log_are_mapped_together() -> None:
+    side = side_of([(0, 60)])
+    drives = [Drive("one", 0, 0, [0]), Drive("two", 60, 60, [1])]
+    both = dataclasses.replace(side, state=dataclasses.replace(side.state, drives=drives))
+    (logged,) = both.logged
+    assert (logged.drives, logged.is_whole) == (tuple(drives), True)
+    assert not dataclasses.replace(logged, parts=()).is_whole
+
+
+def test_what_two_robots_see_at_the_same_time_is_kept() -> None:
+    monday, shots = 19_000 * DAY, frames(*ALL)
+    left = mapped([shot for shot in shots if shot.map_T_camera[1, 2] > 0.5], later=monday)
+    right = mapped([shot for shot in shots if shot.map_T_camera[1, 2] < -0.5], later=monday)
+    alone = objects_of(left), objects_of(right)
+    assert alone[0].keys() != alone[1].keys()
+    assert (
+        state_of(left, profile("default"))
+        .drives[0]
+        .overlaps(state_of(right, profile("default")).drives[0])
+    )
+    found = [
+        objects_of(merge_maps(one, other, HERE).hypermap)
+        for one, other in ((left, right), (right, left))
+    ]
+    assert found[0].keys() == found[1].keys() == alone[0].keys() | alone[1].keys()
+    for name, item in found[0].items():
+        assert item.footprint.equals_exact(found[1][name].footprint, 1e-9)
+
+
+def test_poses_of_a_merged_map_can_be_corrected(tmp_path: Path) -> None:
+    merged = changed(
+        merge_maps(first_day(), second_day(*MOVED), OTHER_FRAME).hypermap, tmp_path / "m"
+    )
+    mapper = Mapper.onto(merged, SOURCE)
+    stamps, poses = mapper.logged_poses()
+    assert len(stamps) == sum(drive["frames"] for drive in merged.metadata["drives"])
+    poses[:, :2, 3] += (0.5, 0.25)
+    mapper.correct(trajectory_of(stamps, poses))
+    before, after = objects_of(merged), objects_of(mapper.hypermap())
+    assert before.keys() == after.keys()
+    for name, item in after.items():
+        assert item.id == before[name].id
+        x, y = centroid(before[name])
+        assert centroid(item) == pytest.approx((x + 0.5, y + 0.25), abs=0.02)
+
+
+def test_a_log_that_is_damaged_is_told() -> None:
+    state = state_of(second_day(*ALL), profile("default"))
+    (part,) = state.log
+    damaged = dataclasses.replace(part, frames=[b"?"] * len(part.frames))
+    other = second_day(*ALL).with_layers(list(second_day(*ALL)))
+    other.mapper_state = dump_state(dataclasses.replace(state, log=[damaged]))
+    with pytest.raises(CannotGoOn, match=r"the log of frames.*map all recordings again"):
+        merge_maps(first_day(), other, OTHER_FRAME)
 
 
 def test_free_floor_below_a_table_does_not_say_that_what_stands_on_it_is_gone() -> None:
@@ -293,6 +512,18 @@ def test_how_poses_were_corrected_turns_with_the_map() -> None:
     assert item.correction == pytest.approx((-0.01, 0.02, 0.003))
 
 
+def test_how_a_pose_was_corrected_turns_with_the_frame() -> None:
+    area = shapely.box(1, 0, 2, 1)
+    observation = Observation(0.0, np.eye(4), (), area, correction=(0.02, 0.01, 0.003))
+    packed, quarter = packed_frame(LoggedFrame(observation, None)), Pose2D(5, 6, math.pi / 2)
+    pose = np.eye(4)
+    pose[np.ix_([0, 1, 3], [0, 1, 3])] = quarter.matrix()
+    for whole, expected in ((quarter, (-0.01, 0.02, 0.003)), (None, (0, 0, 0))):
+        (frame,) = moved_frames([packed], [pose], 0.05, "x.hmap", whole)
+        assert frame.observation.correction == pytest.approx(expected)
+        assert frame.observation.visible_area.bounds == pytest.approx((4, 7, 5, 8))
+
+
 def test_the_order_of_the_maps_does_not_matter_for_what_is_there() -> None:
     merged = merge_maps(second_day(*MOVED), first_day(), OTHER_FRAME.inverse())
     found = objects_of(merged.hypermap)
@@ -400,6 +631,28 @@ def test_edits_of_both_maps_stay_and_the_first_one_wins(tmp_path: Path) -> None:
     on = changed(merged.hypermap, tmp_path / "merged.hmap")
     shots = frames(*ALL)
     assert objects_of(mapped(shots, later=2 * DAY, onto=on)).keys() == found.keys()
+
+
+def test_edits_of_a_later_map_stay_when_it_is_the_first_one(tmp_path: Path) -> None:
+    later = changed(second_day(*MOVED), tmp_path / "later.hmap")
+    layer, ids = later.semantic(), {n: item.id for n, item in objects_of(later).items()}
+    layer.remove(ids["chair"])
+    layer.rename(ids["plant"], "ficus")
+    sketch = shapely.box(0.2, 0.2, 0.5, 0.5)
+    layer.add([SemanticObject("charger", sketch)])
+    merged = merge_maps(changed(later, tmp_path / "a.hmap"), first_day(), OTHER_FRAME.inverse())
+    found = objects_of(merged.hypermap)
+    assert found.keys() == {"table", "ficus", "charger"}
+    assert found["ficus"].id == ids["plant"]
+    assert found["charger"].footprint.equals(sketch)
+    assert merged.conflicts == ()
+
+
+def test_what_people_have_deleted_from_the_second_map_is_no_object(tmp_path: Path) -> None:
+    other = changed(second_day(*ALL), tmp_path / "other.hmap")
+    other.semantic().remove(objects_of(other)["plant"].id)
+    merged = merge_maps(first_day(), other, OTHER_FRAME)
+    assert objects_of(merged.hypermap).keys() == {"table", "chair"}
 
 
 def test_other_layers_of_both_maps_are_kept_where_they_lie() -> None:

@@ -46,10 +46,10 @@ def command(
 
     All maps must be made by `hypermap map` or `live`, with the same configuration, from different
     recordings. Each OTHER is aligned to MAP by walls and objects, unless `hypermap align -o` has
-    done that. Objects in several maps become one, with its id in MAP. If an object is missing in
-    the later of two maps, each view that should have shown it lowers its existence. Edits made by
-    hand stay; if two maps differ, those of MAP win. All other layers are kept. `hypermap map
-    --onto OUT` can continue the result.
+    done that. Objects in several maps become one, with its id in MAP. The frames that the maps keep
+    are mapped again in the order of time, without images, so that the later drive decides what has
+    moved or is gone. Edits made by hand stay; if two maps differ, those of MAP win. All other
+    layers are kept. `hypermap map --onto OUT` can continue the result.
 
     Examples:
         hypermap merge monday.hmap tuesday.hmap -o week.hmap

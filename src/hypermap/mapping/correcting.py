@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
+from hypermap.core.frames import Pose2D
 from hypermap.core.trajectory import Trajectory, invert, trajectory_of
 from hypermap.formats.collector import paused_collector
 from hypermap.mapping.completion import FreeShare
@@ -239,15 +240,12 @@ def map_again(
     again = FrameLog(log.parts[:stay])
     again.end_drive()
     contents, stamps = log.frames[begin:], log.stamps.tolist()
-    moved = _moved_frames(contents, poses[begin:], config)
+    moved = frames_with_evidence(contents, poses[begin:], config)
     for number, (content, (frame, found)) in enumerate(zip(contents, moved, strict=True)):
         if again.is_full:
-            again.begin_part(first if number == 0 else _map_now(first, evidence, occupancy))
-        change = occupancy.change_by(frame.seen)
-        if frame.finds_objects:
-            evidence.update_for_good(frame.observation, found)
-            evidence.add_colors(frame.observation.stamp, colors_in(frame.observation))
-        change()
+            is_made = first.log_odds is not None
+            again.begin_part(first if number == 0 else map_now(evidence, occupancy, is_made))
+        add_logged(frame, found, evidence, occupancy)
         again.add(stamps[begin + number], content, poses[begin + number])
         if on_progress is not None:
             on_progress(number + 1, len(poses) - begin)
@@ -257,7 +255,7 @@ def map_again(
     again.parts = [
         part
         if id(part.before) in known
-        else dataclasses.replace(part, before=_with_ids_of(tracks, part.before, fixed, config))
+        else dataclasses.replace(part, before=with_ids_of(tracks, part.before, fixed, config))
         for part in again.parts
     ]
     evidence.go_on_with(tracks, before.hand_edits())
@@ -277,18 +275,38 @@ def _cells_of(
     return occupancy
 
 
-def _moved_frames(
-    contents: Sequence[bytes], poses: NDArray[np.float64], config: MappingConfig
+def frames_with_evidence(
+    contents: Sequence[bytes],
+    poses: Sequence[NDArray[np.float64]] | NDArray[np.float64],
+    config: MappingConfig,
+    a_T_b: Pose2D | None = None,
+    later: float = 0.0,
 ) -> Iterator[tuple[LoggedFrame, FoundEvidence]]:
-    """Yield the frames of a log at other poses, with their evidence; some at a time are faster."""
+    """Yield the frames of a log at other poses, with their evidence; some at a time are faster.
+
+    The arguments are those of `moved_frames`; all stamps are later by `later` [s].
+    """
     for begin in range(0, len(contents), _AT_ONCE):
         some = slice(begin, begin + _AT_ONCE)
         resolution = config.occupancy.resolution
-        frames = moved_frames(contents[some], poses[some], resolution, "the log of frames")
+        frames = moved_frames(contents[some], poses[some], resolution, "the log of frames", a_T_b)
+        if later:
+            frames = [frame.later(later) for frame in frames]
         observations = [frame.observation for frame in frames]
         yield from zip(
             frames, evidence_from_frames(observations, config.evidence.abstain), strict=True
         )
+
+
+def add_logged(
+    frame: LoggedFrame, found: FoundEvidence, evidence: EvidenceMap, occupancy: OccupancyMapper
+) -> None:
+    """Map a logged frame again; if that fails, the map is of no use."""
+    change = occupancy.change_by(frame.seen)
+    if frame.finds_objects:
+        evidence.update_for_good(frame.observation, found)
+        evidence.add_colors(frame.observation.stamp, colors_in(frame.observation))
+    change()
 
 
 def _parts_that_stay(log: FrameLog, poses: NDArray[np.float64]) -> int:
@@ -299,12 +317,13 @@ def _parts_that_stay(log: FrameLog, poses: NDArray[np.float64]) -> int:
     return min(int(np.searchsorted(ends, first, side="right")), len(log.parts) - 1)
 
 
-def _map_now(first: MapBefore, evidence: EvidenceMap, occupancy: OccupancyMapper) -> MapBefore:
+def map_now(evidence: EvidenceMap, occupancy: OccupancyMapper, makes_occupancy: bool) -> MapBefore:
+    """Return the present map, from which later frames can be mapped again."""
     first_cell, log_odds = occupancy.log_odds()
-    return MapBefore.of(evidence.tracks(), first_cell, None if first.log_odds is None else log_odds)
+    return MapBefore.of(evidence.tracks(), first_cell, log_odds if makes_occupancy else None)
 
 
-def _with_ids_of(
+def with_ids_of(
     known: TrackTable, before: MapBefore, fixed: frozenset[int], config: MappingConfig
 ) -> MapBefore:
     """Return a map between two parts of the log, with the final ids of its tracks."""

@@ -17,7 +17,9 @@ from hypermap.core.history import EARLIEST, latest_time
 from hypermap.mapping.evidence_buffer import STALE
 from hypermap.perception.frame import RgbdFrame
 
-_BETWEEN = 2 * STALE  # seconds between two drives whose clocks began again
+BETWEEN = 2 * STALE
+"""Seconds between two drives whose clocks began again."""
+
 _EVERY = 8  # every so many rows and columns of a depth image identify it
 
 
@@ -122,7 +124,7 @@ class EarlierDrives:
         if stamp > EARLIEST or not self.drives or not all(d.has_no_clock for d in self.drives):
             return 0.0
         end, newest = max((drive.last + drive.offset, drive.offset) for drive in self.drives)
-        return newest if stamp + newest > end else end + _BETWEEN - stamp
+        return newest if stamp + newest > end else end + BETWEEN - stamp
 
 
 def wall_clock(stamp: float) -> str:

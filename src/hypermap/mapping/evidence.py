@@ -120,8 +120,13 @@ class EvidenceMap:
         is_another = abs(stamp - self._newest) > STALE and len(self._tracks.table.objects) > 0
         self._newest = stamp
         if is_another:
-            self._tracks.begin_drive(self.settled().snapshot())
-            self._earlier.begin_drive()
+            self.begin_drive()
+
+    def begin_drive(self) -> None:
+        """Let the next frame begin another drive, however soon it comes."""
+        self._tracks.begin_drive(self.settled().snapshot())
+        self._earlier.begin_drive()
+        self._settled = None
 
     def settled(self) -> TrackTable:
         """Return the tracks, those of this drive joined to the known ones; must not be changed."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence, Sized
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,11 @@ class LoggedFrame:
     observation: Observation
     seen: SeenCells | None
     finds_objects: bool = True
+
+    def later(self, by: float) -> LoggedFrame:
+        """Return it with a later stamp; by how much [s]."""
+        observation = replace(self.observation, stamp=self.observation.stamp + by)
+        return replace(self, observation=observation)
 
 
 def floor_motion(before: NDArray[np.float64], after: NDArray[np.float64]) -> tuple[Pose2D, float]:

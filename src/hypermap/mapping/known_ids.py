@@ -68,7 +68,7 @@ def _known_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> 
     """
     owns = [track.id for track in tracks.objects]
     earlier = {own for own in owns if own < tracks.first_id}
-    shared = _shared(tracks, known)
+    shared = shared_observations(tracks, known)
     ids: dict[int, int] = {}
     for some in (earlier, set(owns) - earlier):
         _match(ids, shared, some)
@@ -81,7 +81,7 @@ def _known_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> 
     return ids
 
 
-def _shared(tracks: TrackTable, known: TrackTable) -> Counter[tuple[int, int]]:
+def shared_observations(tracks: TrackTable, known: TrackTable) -> Counter[tuple[int, int]]:
     """Return how many observations a track and a known one share, by their ids.
 
     Observations of one frame that have one name and score, as of detectors that score nothing, are

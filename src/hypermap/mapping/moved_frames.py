@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,13 +42,15 @@ class _Way(NamedTuple):
         motion: over the floor.
         rise: how far it rises [m].
         pose: its new `map_T_camera`, shape (4, 4).
-        is_none: whether it stays where it is.
+        with_map: whether it moves as its whole map does.
+        turn: of that map [rad].
     """
 
     motion: Pose2D
     rise: float
     pose: NDArray[np.float64]
-    is_none: bool
+    with_map: bool
+    turn: float
 
 
 def moved_frames(
@@ -56,17 +58,19 @@ def moved_frames(
     poses: Sequence[NDArray[np.float64]] | NDArray[np.float64],
     resolution: float,
     path: str,
+    a_T_b: Pose2D | None = None,
 ) -> list[LoggedFrame]:
     """Return logged frames as if taken from other poses, whose roll and pitch are ignored.
 
-    Those that move were not corrected by a map: their poses are the recorded ones from now on.
-    Many at once are faster.
+    Those that move in their map were not corrected by a map: their poses are the recorded ones from
+    now on. Many at once are faster.
 
     Args:
         contents: the frames, as `packed_frame` has packed them.
         poses: new `map_T_camera` of each, shape (4, 4).
         resolution: side of a cell [m].
         path: name of their file in messages.
+        a_T_b: how their whole map moves; None if it does not.
 
     Raises:
         FormatError: If one is damaged, or of a later version.
@@ -80,15 +84,25 @@ def moved_frames(
         motions, rises = zip(*floor_motions(before, np.asarray(poses)), strict=True)
         matrices = np.array([motion.matrix() for motion in motions])
         after = _in_space(matrices, rises) @ before
-        stay = (np.abs(after - before).max(axis=(1, 2)) <= ROUNDING).tolist()
+        turn = 0.0 if a_T_b is None else a_T_b.yaw
+        whole = before if a_T_b is None else _in_space(a_T_b.matrix()[np.newaxis], [0.0]) @ before
+        with_map = (np.abs(after - whole).max(axis=(1, 2)) <= ROUNDING).tolist()
         each = zip(
             *(files, [rest for _, rest in parts], _moved_shapes(files, matrices)),
-            map(_Way, motions, rises, after, stay),
+            map(_Way, motions, rises, after, with_map, repeat(turn)),
             strict=True,
         )
         return [_frame(*one, resolution) for one in each]
     except _WRONG as error:
         raise FormatError(f"is damaged: {error}", path=path) from None
+
+
+def turned(correction: tuple[float, float, float], yaw: float) -> tuple[float, float, float]:
+    """Return how a pose was corrected, in a frame that is turned by an angle [rad]."""
+    if yaw == 0:
+        return correction
+    ((x, y),) = Pose2D(yaw=yaw).apply([correction[:2]]).tolist()
+    return x, y, correction[2]
 
 
 def _moved_shapes(
@@ -140,7 +154,7 @@ def _frame(
     )
     view = _view(facts["view"], arrays, low_bytes, way.pose)
     x, y, yaw = map(float, facts.get("correction", (0, 0, 0)))  # not in earlier versions
-    correction = (x, y, yaw) if way.is_none else (0.0, 0.0, 0.0)
+    correction = turned((x, y, yaw), way.turn) if way.with_map else (0.0, 0.0, 0.0)
     observation = Observation(float(facts["stamp"]), way.pose, objects, area, view, correction)
     seen = _cells(facts["cells"], arrays)
     seen = None if seen is None else seen.moved(way.motion, resolution)

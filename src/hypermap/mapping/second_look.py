@@ -87,12 +87,13 @@ class SecondLook:
 
     Attributes:
         log: the frames.
-        drives: all drives; the last one is the present one.
+        drives: all drives, the present one last.
         config: of the map.
         before: the objects before the present drive; None for none.
         after: those after it.
         differ: whether objects that were there before, and one of the present drive, by their ids,
             are of such different colors that they are two.
+        present: how many of the drives, the last ones, are the present one.
     """
 
     log: FrameLog
@@ -101,6 +102,7 @@ class SecondLook:
     before: SemanticLayer | None = None
     after: Sequence[SemanticObject] = ()
     differ: Callable[[int, int], bool] = _never
+    present: int = 1
     _unpacked: dict[int, LoggedFrame] = field(default_factory=dict, init=False, repr=False)
 
     def chance(self, change: Change) -> float:
@@ -115,9 +117,10 @@ class SecondLook:
         drive, it is not there, and where as many are stopped, it is, whatever is detected; but not
         where most rays pass it anyway, and none of many frames detects it.
         """
-        present, *earlier = rows_of_drives(len(self.log.frames), self.drives)[::-1]
+        rows = rows_of_drives(len(self.log.frames), self.drives)[::-1]
+        present, earlier = rows[: self.present], rows[self.present :]
         has_come, item, shapes = change.kind == ADDED, change.object, self._with_rivals(change)
-        without, within = (earlier, [present]) if has_come else ([present], earlier)
+        without, within = (earlier, present) if has_come else (present, earlier)
         there = self._looks_in(within, item, shapes)
         is_second = len(shapes) > 1 and there is not None and there.chance < _LIKELY
         looks = self._looks_in(without, item, self._with_neighbors(change, is_second))

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable
+import itertools
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,31 +19,40 @@ from hypermap.alignment.frames import (
     in_frame_of,
     with_frames_renamed,
 )
-from hypermap.core.errors import FrameError
+from hypermap.core.errors import FormatError, FrameError
 from hypermap.core.frames import FrameTree, Pose2D
 from hypermap.core.grid import GridGeometry, along
-from hypermap.core.history import Mapped
+from hypermap.core.history import Change, Mapped
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig
-from hypermap.mapping.drives import Drive
+from hypermap.mapping.drives import BETWEEN, Drive
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.frame_log import FrameLog, MapBefore
 from hypermap.mapping.going_on import (
     SEMANTIC,
+    CannotGoOn,
     edits_of,
     layer_of_objects,
     state_of,
 )
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.mapper_state import MapperState, dump_state
+from hypermap.mapping.merging.again import MappedAgain, map_both_again
 from hypermap.mapping.merging.grids import added_layers, added_log_odds, log_odds_of
+from hypermap.mapping.merging.logged import Side, in_order, kept_drives
 from hypermap.mapping.merging.moving import moved_tracks
 from hypermap.mapping.merging.settings import CannotMerge, common_config
 from hypermap.mapping.merging.tracks import IsFree, Joined, join_tracks
+from hypermap.mapping.second_look import SecondLook
+from hypermap.mapping.track_colors import objects_differ_in_color
 from hypermap.mapping.tracks import TrackTable
+
+_Cells: TypeAlias = "tuple[NDArray[np.int64], NDArray[np.float32] | None]"
+"""The first cell, and the log-odds, as in `MapperState`."""
 
 _FREE = 0.9  # share of an area that must be free for it to contain no object
 _SAME_FRAMES = 0.01  # share of a map's frames; fewer have the same key by chance
@@ -78,9 +90,11 @@ class Merged:
 def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     """Return two maps of one place as one map, from the evidence in both.
 
-    Objects in both maps become one, with the id of the first. Objects in only one map lose
-    existence by later views of the other that should have shown them. The log-odds of the occupancy
-    grids are added. All other layers of both maps are kept, in frames of their own.
+    The frames that both maps keep are mapped again in the order of time, as if one map had been
+    made of both: the later drives decide. Of older drives, objects in both maps become one, those
+    in only one map lose existence by later views of the other that should have shown them, and the
+    log-odds of the occupancy grids are added. Objects keep their ids of the first map. All other
+    layers of both maps are kept, in frames of their own.
 
     Args:
         first: a map made by mapping; its id, frame and metadata become those of the result.
@@ -97,29 +111,29 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     a, b = state_of(first, config), state_of(second, config)
     _check_drives(a.drives, b.drives)
     grids = _grid_of(first), _grid_of(second)
-    before = (
-        _tracks(first, a, config),
-        moved_tracks(_tracks(second, b, config), a_T_b, config.evidence),
+    later = _later(a.drives, b.drives)
+    tracks = _tracks(second, b, config)
+    sides = (
+        Side(a, _tracks(first, a, config), Pose2D(), 0.0),
+        Side(b, moved_tracks(tracks, a_T_b, config.evidence, later), a_T_b, later),
     )
-    joined = join_tracks(
-        *before,
-        config.evidence,
-        (
-            _is_free(grids[0], Pose2D(), config.occupancy.free_below),
-            _is_free(grids[1], a_T_b.inverse(), config.occupancy.free_below),
-        ),
-    )
+    kept = len(sides[0].logged), len(sides[1].logged)
+    if config.evidence.moves:  # otherwise, drives are not told apart
+        kept = kept_drives(sides)
     occupancy = _occupancy(a, grids, a_T_b)
-    first_cell, log_odds = _added_cells(a, b, grids[1], a_T_b, config)
+    made = _merged_sides(sides, kept, grids, config, occupancy)
+    drives = [drive for n, side in zip(kept, sides, strict=True) for drive in side.drives_before(n)]
+    again = [side.in_time(d) for side, one in in_order(sides, kept) for d in one.drives]
     state = MapperState(
-        tracks=joined.tracks,
+        tracks=made.joined.tracks,
         keyframe=None,
-        first_cell=first_cell,
-        log_odds=log_odds,
-        drives=[*a.drives, *b.drives],
+        first_cell=made.first_cell,
+        log_odds=made.log_odds,
+        drives=[*drives, *again],
         counts=a.counts + b.counts,
         published=[],  # `Mapper.onto` publishes all
         alignment=a.alignment,
+        log=made.log,
     )
     others = _other_layers(first, second, a_T_b, skip={grids[1].name, SEMANTIC})
     merged = Hypermap(
@@ -128,12 +142,100 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     merged.mapper_state, merged.history = dump_state(state), first.history
     hypermap = Mapper.onto(merged, None).hypermap()
     assert hypermap.history is not None  # of a mapper's map
-    hypermap.history = replace(hypermap.history, mapped=_source(first, b.drives))
-    counted = _counted(hypermap, (first, second), joined, others.renamed)
+    doubt = _doubt(state, len(b.drives), config, first, hypermap) if _is_after(b, state) else None
+    hypermap.history = replace(hypermap.history, mapped=_source(first, b.drives, doubt))
+    counted = _counted(hypermap, (first, second), made.joined, others.renamed)
     return replace(counted, settings=settings)
 
 
-def _source(first: Hypermap, drives: Iterable[Drive]) -> Mapped:
+def _later(first: Sequence[Drive], second: Sequence[Drive]) -> float:
+    """Return by how much the times of the second map are later in the merged one [s].
+
+    Clocks that do not count from 1970 do not tell which drive was first where the stamps overlap:
+    the second map is later then, as when mapping continues a map.
+    """
+    mine, theirs = (
+        [(d.first + d.offset, d.last + d.offset) for d in some] for some in (first, second)
+    )
+    overlap = any(a <= d and c <= b for (a, b), (c, d) in itertools.product(mine, theirs))
+    if not overlap or not all(drive.has_no_clock for drive in (*first, *second)):
+        return 0.0
+    return max(end for _, end in mine) + BETWEEN - min(begin for begin, _ in theirs)
+
+
+def _merged_sides(
+    sides: tuple[Side, Side],
+    kept: tuple[int, int],
+    grids: tuple[OccupancyLayer, OccupancyLayer],
+    config: MappingConfig,
+    occupancy: OccupancyLayer,
+) -> MappedAgain:
+    """Return two maps as one: joined as they were, then with all later frames mapped again."""
+    first, second = sides
+    tracks = _tracks_before(first, kept[0], config), _tracks_before(second, kept[1], config)
+    tracks[0].next_id = max(tracks[0].next_id, first.tracks.next_id)
+    is_free = (
+        _is_free(grids[0], Pose2D(), config.occupancy.free_below),
+        _is_free(grids[1], second.a_T_b.inverse(), config.occupancy.free_below),
+    )
+    joined = join_tracks(tracks[0], tracks[1], config.evidence, is_free)
+    cells = _cells_before(first, kept[0]), _cells_before(second, kept[1])
+    first_cell, log_odds = _added_cells(*cells, grids[1], second.a_T_b, config)
+    if not in_order(sides, kept):
+        return MappedAgain(joined, first_cell, log_odds, [])
+    base = MapBefore(joined.tracks, first_cell, log_odds)
+    known = partial(free_share, occupancy) if log_odds is None else None
+    try:
+        return map_both_again(sides, kept, base, joined, config, known)
+    except FormatError as error:
+        raise CannotGoOn(f"{error}; map all recordings again") from error
+
+
+def _tracks_before(side: Side, kept: int, config: MappingConfig) -> TrackTable:
+    """Return the tracks of a map before all but some of its logged drives, one per object."""
+    if kept == len(side.logged):
+        return side.tracks.snapshot()
+    evidence, before = EvidenceMap(config.evidence), side.logged[kept].parts[0].before.tracks
+    evidence.go_on_with(before.snapshot(), before.hand_edits())
+    tracks = evidence.settled().snapshot()
+    return moved_tracks(tracks, side.a_T_b, config.evidence, side.later)
+
+
+def _cells_before(side: Side, kept: int) -> _Cells:
+    """Return the cells of a map before all but some of its logged drives."""
+    if kept == len(side.logged):
+        return side.state.first_cell, side.state.log_odds
+    before = side.logged[kept].parts[0].before
+    return before.first_cell, before.log_odds
+
+
+def _is_after(second: MapperState, merged: MapperState) -> bool:
+    """Return whether the drives of the second map are the last ones of the merged one."""
+    count = len(second.drives)
+    own = [drive.keys for drive in merged.drives[-count:]]
+    return count > 0 and own == [drive.keys for drive in second.drives]
+
+
+def _doubt(
+    state: MapperState, count: int, config: MappingConfig, first: Hypermap, merged: Hypermap
+) -> Callable[[Change], float]:
+    """Return how likely it is that what seems to have changed has not, given the last drives."""
+    layer = layer_of_objects(merged)
+    differ = partial(objects_differ_in_color, state.tracks.snapshot())
+    return SecondLook(
+        FrameLog(state.log),
+        state.drives,
+        config,
+        layer_of_objects(first),
+        [] if layer is None else layer.objects(),
+        differ,
+        count,
+    ).chance
+
+
+def _source(
+    first: Hypermap, drives: Iterable[Drive], doubt: Callable[[Change], float] | None
+) -> Mapped:
     """Return what the changes come from, by the names and the last time of the second map's drives.
 
     What was merged with the first map, and not saved since, counts, too, as do corrected poses.
@@ -144,7 +246,7 @@ def _source(first: Hypermap, drives: Iterable[Drive]) -> Mapped:
     times = [time for _, time in sources if time is not None]
     names = ", ".join(name for name, _ in sources if name)
     shifts = None if before is None else before.shifts
-    return Mapped(names, max(times, default=None), shifts=shifts)
+    return Mapped(names, max(times, default=None), doubt, shifts)
 
 
 def _check_drives(first: Iterable[Drive], second: Iterable[Drive]) -> None:
@@ -196,26 +298,36 @@ def _occupancy(
 
 
 def _added_cells(
-    a: MapperState, b: MapperState, grid_b: OccupancyLayer, a_T_b: Pose2D, config: MappingConfig
-) -> tuple[NDArray[np.int64], NDArray[np.float32] | None]:
-    """Return the first cell and the log-odds of both maps; no log-odds if the first has none."""
-    other = None if a.log_odds is None else _log_odds_of(b, grid_b, config)
-    if a.log_odds is None or other is None:
-        return a.first_cell, a.log_odds
-    return added_log_odds(a.first_cell, a.log_odds, other, a_T_b, config.occupancy)
+    first: _Cells, second: _Cells, grid: OccupancyLayer, a_T_b: Pose2D, config: MappingConfig
+) -> _Cells:
+    """Return the cells of two maps; no log-odds if the first has none.
+
+    Args:
+        first: of one map.
+        second: of the other, whose log-odds are those of `grid` if it has none.
+        grid: the occupancy layer of the second map.
+        a_T_b: transforms points of the second map to the first.
+        config: of both.
+    """
+    other = None if first[1] is None else _log_odds_of(second, grid, config)
+    if first[1] is None or other is None:
+        return first
+    return added_log_odds(first[0], first[1], other, a_T_b, config.occupancy)
 
 
 def _log_odds_of(
-    state: MapperState, grid: OccupancyLayer, config: MappingConfig
+    cells: _Cells, grid: OccupancyLayer, config: MappingConfig
 ) -> tuple[GridGeometry, NDArray[np.float32]] | None:
-    """Return a map's occupancy as a grid and log-odds; None for none."""
-    if state.log_odds is not None and state.log_odds.size:
-        side = config.occupancy.resolution
-        row, col = state.first_cell.tolist()
-        height, width = state.log_odds.shape
-        origin = Pose2D(along(col, side), along(row, side))
-        return GridGeometry(width, height, side, origin), state.log_odds
-    return None if grid.grid is None else (grid.grid, log_odds_of(grid))
+    """Return the cells of a map as a grid and log-odds; None for none."""
+    (row, col), log_odds = cells[0].tolist(), cells[1]
+    if log_odds is None:
+        return None if grid.grid is None else (grid.grid, log_odds_of(grid))
+    if not log_odds.size:
+        return None
+    side = config.occupancy.resolution
+    height, width = log_odds.shape
+    origin = Pose2D(along(col, side), along(row, side))
+    return GridGeometry(width, height, side, origin), log_odds
 
 
 def _layers_of(first: Hypermap, occupancy: OccupancyLayer, second: Hypermap) -> list[Layer]:

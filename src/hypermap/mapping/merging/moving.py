@@ -13,20 +13,25 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.frames import Pose2D
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.moved_frames import turned
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import Track, TrackTable
 
 
-def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> TrackTable:
+def moved_tracks(
+    tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig, later: float = 0.0
+) -> TrackTable:
     """Return tracks in frame b transformed to frame a; their ids stay.
 
     Args:
         tracks: in frame b.
         a_T_b: transforms points from b to a.
         config: of the tracks.
+        later: by how much all of their times are later in the other map [s].
     """
-    items = _moved_evidence([i for track in tracks.objects for i in track.buffer.items], a_T_b)
+    items = [item for track in tracks.objects for item in track.buffer.items]
+    items = _moved_evidence(items, a_T_b, later)
     shapes = PreparedPolygon.all_of(
         [a_T_b.apply_geometry(polygon.geometry) for polygon in tracks.shapes.polygons]
     )
@@ -34,9 +39,9 @@ def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> T
     begin = 0
     for row, track in enumerate(tracks.objects):
         old, end = track.buffer, begin + len(track.buffer)
-        times = old.score_sum, old.first_seen, old.last_seen
+        times = old.score_sum, old.first_seen + later, old.last_seen + later
         buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, old.count, *times)
-        buffer.colors = old.colors
+        buffer.colors = tuple(color._replace(stamp=color.stamp + later) for color in old.colors)
         buffer.pictures = tuple(
             dataclasses.replace(each, azimuth=each.azimuth + a_T_b.yaw) for each in old.pictures
         )
@@ -44,7 +49,13 @@ def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> T
         by_hand = None if track.by_hand is None else _moved_edit(track.by_hand, a_T_b)
         low, high = tracks.shapes.heights[row].tolist()
         table.add(
-            dataclasses.replace(track, buffer=buffer, by_hand=by_hand),
+            dataclasses.replace(
+                track,
+                buffer=buffer,
+                by_hand=by_hand,
+                moved_since=None if track.moved_since is None else track.moved_since + later,
+                gone_since=None if track.gone_since is None else track.gone_since + later,
+            ),
             int(tracks.shapes.classes[row]),
             shapes[row],
             (low, high),
@@ -56,7 +67,7 @@ def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> T
     return table
 
 
-def _moved_evidence(items: Sequence[Evidence], a_T_b: Pose2D) -> list[Evidence]:
+def _moved_evidence(items: Sequence[Evidence], a_T_b: Pose2D, later: float) -> list[Evidence]:
     """Return evidence in another frame; pieces of one view keep sharing its pose and area."""
     matrix = np.eye(4)
     matrix[np.ix_([0, 1, 3], [0, 1, 3])] = a_T_b.matrix()
@@ -79,15 +90,11 @@ def _moved_evidence(items: Sequence[Evidence], a_T_b: Pose2D) -> list[Evidence]:
                 prepared_area=areas[id(area)],
                 prepared=footprint,
                 centroid_xy=centroid_xy,
-                correction=_turned(item.correction, a_T_b),
+                correction=turned(item.correction, a_T_b.yaw),
+                stamp=item.stamp + later,
             )
         )
     return found
-
-
-def _turned(correction: tuple[float, float, float], a_T_b: Pose2D) -> tuple[float, float, float]:
-    ((x, y),) = Pose2D(yaw=a_T_b.yaw).apply([correction[:2]]).tolist()
-    return x, y, correction[2]
 
 
 def _moved_edit(edit: HandEdit, a_T_b: Pose2D) -> HandEdit:

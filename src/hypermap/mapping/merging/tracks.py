@@ -1,8 +1,9 @@
 """Joins the tracks of two maps of one place: those of one object become one.
 
-Tracks of two maps are associated one to one, as observations are with tracks; small ones also where
-poses may have put them beside their places, as between drives. If only one map has a track, each
-later view of the other map that should have shown it is a missed detection.
+This is for drives of which the maps keep no frames; others are mapped again (`again`). Tracks of
+two maps are associated one to one, as observations are with tracks; small ones also where poses may
+have put them beside their places, as between drives. If only one map has a track, each later view
+of the other map that should have shown it is a missed detection.
 """
 
 from __future__ import annotations

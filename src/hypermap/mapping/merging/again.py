@@ -1,0 +1,253 @@
+"""Maps the logged frames of two maps again, as if one map had been made of both."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.frames import Pose2D
+from hypermap.formats.collector import paused_collector
+from hypermap.mapping.by_hand import HandEdit
+from hypermap.mapping.completion import FreeShare
+from hypermap.mapping.config import MappingConfig
+from hypermap.mapping.correcting import add_logged, frames_with_evidence, map_now, with_ids_of
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.evidence_buffer import FoundEvidence
+from hypermap.mapping.frame_log import FrameLog, LoggedFrame, LogPart, MapBefore, packed_frame
+from hypermap.mapping.known_ids import shared_observations, with_known_ids
+from hypermap.mapping.merging.logged import LoggedDrive, Side, in_order
+from hypermap.mapping.merging.moving import renumbered
+from hypermap.mapping.merging.tracks import Joined
+from hypermap.mapping.occupancy import OccupancyMapper
+from hypermap.mapping.protection import protected
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.tracks import TrackTable
+
+
+@dataclass(frozen=True, eq=False)
+class MappedAgain:
+    """What two maps have become.
+
+    Attributes:
+        joined: their tracks.
+        first_cell: row and column of the first cell of `log_odds`, as in `MapBefore`.
+        log_odds: of the cells, float32, shape (H, W); None if the layer is not made from depth.
+        log: the frames that were mapped again, and those before them.
+    """
+
+    joined: Joined
+    first_cell: NDArray[np.int64]
+    log_odds: NDArray[np.float32] | None
+    log: list[LogPart]
+
+
+@paused_collector()
+def map_both_again(
+    sides: tuple[Side, Side],
+    kept: tuple[int, int],
+    base: MapBefore,
+    joined: Joined,
+    config: MappingConfig,
+    is_free: FreeShare | None,
+) -> MappedAgain:
+    """Return two maps as one, of which all drives but some are mapped again in the order of time.
+
+    Objects keep their ids of the first map, and their pictures and edits made by hand of both.
+
+    Args:
+        sides: the maps.
+        kept: as `kept_drives` returns it.
+        base: both maps before the frames that are mapped again; its tracks are those of `joined`.
+        joined: the tracks of both maps before these frames.
+        config: of both maps.
+        is_free: as in `EvidenceMap`.
+
+    Raises:
+        FormatError: If a log is damaged.
+        HypermapError: If the occupancy grid would have too many cells.
+    """
+    evidence, occupancy = EvidenceMap(config.evidence, is_free), OccupancyMapper(config.occupancy)
+    evidence.go_on_with(base.tracks.snapshot(), base.tracks.hand_edits())
+    if base.log_odds is not None:
+        occupancy.go_on_with(base.first_cell, base.log_odds.copy())
+    before = _parts_before(sides, kept)
+    log = FrameLog(before)
+    for side, one in in_order(sides, kept):
+        evidence.begin_drive()
+        log.end_drive()
+        if not one.is_whole:
+            log.parts.clear()  # drives are told apart by how many frames they have
+        for stamp, content, pose, frame, found in _frames(side, one, config):
+            if log.is_full:
+                log.begin_part(map_now(evidence, occupancy, base.log_odds is not None))
+            add_logged(frame, found, evidence, occupancy)
+            log.add(stamp, content, pose)
+    tracks = evidence.settled().snapshot()
+    tracks.first_id = tracks.next_id  # none is of a drive that goes on
+    ids = {track.id: track.id for track in tracks.objects}
+    is_first_again, is_second_again = (n < len(s.logged) for n, s in zip(kept, sides, strict=True))
+    if is_first_again:
+        fixed = frozenset(track.id for track in base.tracks.objects)
+        tracks, ids = _with_ids_of_first(tracks, sides[0].tracks, fixed, config.evidence)
+        known = {id(part.before) for part in before}
+        log.parts = [
+            part
+            if id(part.before) in known
+            else dataclasses.replace(part, before=with_ids_of(tracks, part.before, fixed, config))
+            for part in log.parts
+        ]
+    numbers = {number: ids[now] for number, now in joined.ids.items() if now in ids}
+    if is_second_again:
+        numbers = _owners(sides[1].tracks, tracks)
+        _keep_looks(tracks, sides[1].tracks, numbers)
+    made = _joined(tracks, sides, numbers, config.evidence)
+    first_cell, log_odds = occupancy.log_odds()
+    if base.log_odds is None:
+        return MappedAgain(made, base.first_cell, None, log.parts)
+    return MappedAgain(made, first_cell, log_odds, log.parts)
+
+
+def _joined(
+    tracks: TrackTable, sides: tuple[Side, Side], numbers: dict[int, int], config: EvidenceConfig
+) -> Joined:
+    """Return the merged tracks, with the edits made by hand.
+
+    Args:
+        tracks: the merged ones.
+        sides: both maps.
+        numbers: the ids of the second map's tracks in `tracks`, by their own; those that are gone
+            are added.
+        config: of both.
+    """
+    for track in sides[1].tracks.objects:
+        if track.id not in numbers:
+            numbers[track.id] = tracks.next_id
+            tracks.next_id += 1
+    tracks, conflicts = _with_edits(tracks, sides, numbers, config)
+    first = {track.id for track in sides[0].tracks.objects}
+    there = {track.id for track in tracks.objects}
+    pairs = frozenset(there & first & set(numbers.values()))
+    return Joined(tracks, numbers, pairs, conflicts)
+
+
+def _parts_before(sides: tuple[Side, Side], kept: tuple[int, int]) -> list[LogPart]:
+    """Return the part of the log of the first map that goes on in the log of both.
+
+    That is the one before the frames that are mapped again, unless the second map is before them,
+    too.
+    """
+    first, second = sides
+    if second.drives_before(kept[1]):
+        return []
+    return [part for one in first.logged[: kept[0]] for part in one.parts]
+
+
+def _frames(
+    side: Side, one: LoggedDrive, config: MappingConfig
+) -> Iterator[tuple[float, bytes, NDArray[np.float64], LoggedFrame, FoundEvidence]]:
+    """Yield the frames of a drive: stamp, packed frame, pose, frame, and its evidence.
+
+    All but the stamps are in the frame and the time of the merged map.
+    """
+    is_same = side.a_T_b == Pose2D() and side.later == 0
+    matrix = np.eye(4)
+    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = side.a_T_b.matrix()
+    stamps = [stamp for part in one.parts for stamp in part.stamps]
+    contents = [content for part in one.parts for content in part.frames]
+    poses = [matrix @ pose for part in one.parts for pose in part.poses]
+    moved = frames_with_evidence(contents, poses, config, side.a_T_b, side.later)
+    for stamp, content, pose, (frame, found) in zip(stamps, contents, poses, moved, strict=True):
+        yield stamp, content if is_same else packed_frame(frame), pose, frame, found
+
+
+def _with_ids_of_first(
+    tracks: TrackTable, known: TrackTable, fixed: frozenset[int], config: EvidenceConfig
+) -> tuple[TrackTable, dict[int, int]]:
+    """Return tracks with the ids and the looks of the first map, and their new ids by the old."""
+    looks = [
+        (track.buffer, track.buffer.pictures, track.buffer.embedding) for track in tracks.objects
+    ]
+    table = with_known_ids(tracks, known, fixed, config)
+    for buffer, pictures, embedding in looks:
+        buffer.keep_looks(pictures, (), embedding)
+    table.first_id = table.next_id
+    new = {id(track.buffer): track.id for track in table.objects}
+    return table, {track.id: new[id(track.buffer)] for track in tracks.objects}
+
+
+def _owners(tracks: TrackTable, known: TrackTable) -> dict[int, int]:
+    """Return the ids of the known tracks that have most of the evidence of others, by theirs.
+
+    Those with more evidence come first.
+    """
+    found: dict[int, int] = {}
+    shared = shared_observations(tracks, known)
+    for (own, owner), _ in sorted(shared.items(), key=lambda pair: (-pair[1], pair[0])):
+        found.setdefault(own, owner)
+    return found
+
+
+def _keep_looks(tracks: TrackTable, others: TrackTable, ids: Mapping[int, int]) -> None:
+    """Add pictures and embeddings of other tracks, whose ids here are given, by theirs."""
+    by_id = {track.id: track for track in tracks.objects}
+    for other in others.objects:
+        track = by_id.get(ids.get(other.id, -1))
+        if track is not None:
+            track.buffer.keep_looks(other.buffer.pictures, (), other.buffer.embedding)
+
+
+def _with_edits(
+    tracks: TrackTable, sides: tuple[Side, Side], numbers: Mapping[int, int], config: EvidenceConfig
+) -> tuple[TrackTable, frozenset[int]]:
+    """Return tracks with all edits made by hand, and the ids of what was edited in both maps.
+
+    What has none of the evidence, such as objects drawn by hand, is added. A piece that people have
+    deleted in the second map stays if it is a part of another object by now.
+
+    Args:
+        tracks: the merged ones.
+        sides: both maps.
+        numbers: the ids of the second map's tracks in `tracks`, by their own; of those of one
+            object, the one with most of its evidence comes first.
+        config: of both.
+    """
+    mine, other = (_edited(side.tracks) for side in sides)
+    theirs: dict[int, int] = {}  # rows, by ids in `tracks`
+    whole = set[int]()
+    for own, number in numbers.items():
+        is_piece = number in whole
+        whole.add(number)
+        if own in other and not (is_piece and sides[1].tracks.objects[other[own]].is_deleted):
+            theirs.setdefault(number, other[own])
+    edited = {n: (sides[1].tracks, row) for n, row in theirs.items()}
+    edited |= {n: (sides[0].tracks, row) for n, row in mine.items()}
+    if not edited:
+        return tracks, frozenset()
+    present = {track.id: (tracks, row) for row, track in enumerate(tracks.objects)}
+    table, edits = TrackTable(config.max_existence), dict[int, HandEdit]()
+    for number, (source, row) in sorted((edited | present).items()):
+        track = renumbered(source.objects[row], number)
+        if source is not tracks:
+            track.co_occurrences = Counter()  # counted by other ids
+        low, high = source.shapes.heights[row].tolist()
+        existence, shape = source.existence.item(row), source.shapes.polygons[row]
+        table.add(track, 0, shape, (low, high), existence, source.missed(row))
+        if number in edited:
+            its, own_row = edited[number]
+            edit = renumbered(its.objects[own_row], number).by_hand
+            assert edit is not None
+            edits[number] = edit
+    table.next_id = max(table.next_id, tracks.next_id)
+    table = protected(table, edits, config)
+    table.first_id = table.next_id
+    return table, frozenset(mine.keys() & theirs.keys())
+
+
+def _edited(tracks: TrackTable) -> dict[int, int]:
+    """Return the rows of the tracks that people have edited, by their ids."""
+    return {t.id: row for row, t in enumerate(tracks.objects) if t.by_hand is not None}
