@@ -33,6 +33,7 @@ from hypermap.core.pictures import best_pictures
 from hypermap.core.trajectory import trajectory_of
 from hypermap.history import as_of
 from hypermap.mapping.config import profile
+from hypermap.mapping.correcting import CannotCorrect
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.drives import Drive
 from hypermap.mapping.evidence import EvidenceMap
@@ -375,6 +376,18 @@ def test_what_two_robots_see_at_the_same_time_is_kept() -> None:
     assert found[0].keys() == found[1].keys() == alone[0].keys() | alone[1].keys()
     for name, item in found[0].items():
         assert item.footprint.equals_exact(found[1][name].footprint, 1e-9)
+
+
+def test_a_trajectory_of_one_robot_does_not_move_what_another_has_seen_at_the_same_time() -> None:
+    monday, shots = 19_000 * DAY, frames(*ALL)
+    maps = [mapped(shots[begin::2], later=monday) for begin in (0, 1)]
+    merged = merge_maps(*maps, HERE)
+    assert merged.both == 3
+    mapper = Mapper.onto(merged.hypermap, SOURCE)
+    stamps = np.array([shot.stamp + monday for shot in shots[::2]])
+    poses = np.array([shot.map_T_camera for shot in shots[::2]])
+    with pytest.raises(CannotCorrect, match="of no frame"):
+        mapper.correct(trajectory_of(stamps, poses))
 
 
 def test_poses_of_a_merged_map_can_be_corrected(tmp_path: Path) -> None:

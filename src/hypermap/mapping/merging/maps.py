@@ -123,17 +123,17 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     occupancy = _occupancy(a, grids, a_T_b)
     made = _merged_sides(sides, kept, grids, config, occupancy)
     drives = [drive for n, side in zip(kept, sides, strict=True) for drive in side.drives_before(n)]
-    again = [side.in_time(d) for side, one in in_order(sides, kept) for d in one.drives]
+    drives += [side.in_time(d) for side, one in in_order(sides, kept) for d in one.drives]
     state = MapperState(
         tracks=made.joined.tracks,
         keyframe=None,
         first_cell=made.first_cell,
         log_odds=made.log_odds,
-        drives=[*drives, *again],
+        drives=drives,
         counts=a.counts + b.counts,
         published=[],  # `Mapper.onto` publishes all
         alignment=a.alignment,
-        log=made.log,
+        log=() if _are_at_the_same_time(sides) else made.log,
     )
     others = _other_layers(first, second, a_T_b, skip={grids[1].name, SEMANTIC})
     merged = Hypermap(
@@ -142,7 +142,9 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     merged.mapper_state, merged.history = dump_state(state), first.history
     hypermap = Mapper.onto(merged, None).hypermap()
     assert hypermap.history is not None  # of a mapper's map
-    doubt = _doubt(state, len(b.drives), config, first, hypermap) if _is_after(b, state) else None
+    doubt = None
+    if _is_after(b, state):
+        doubt = _doubt(replace(state, log=made.log), len(b.drives), config, first, hypermap)
     hypermap.history = replace(hypermap.history, mapped=_source(first, b.drives, doubt))
     counted = _counted(hypermap, (first, second), made.joined, others.renamed)
     return replace(counted, settings=settings)
@@ -161,6 +163,13 @@ def _later(first: Sequence[Drive], second: Sequence[Drive]) -> float:
     if not overlap or not all(drive.has_no_clock for drive in (*first, *second)):
         return 0.0
     return max(end for _, end in mine) + BETWEEN - min(begin for begin, _ in theirs)
+
+
+def _are_at_the_same_time(sides: tuple[Side, Side]) -> bool:
+    """Return whether the stamps of a trajectory do not tell which map's frames it is of."""
+    mine, theirs = ([side.in_time(drive) for drive in side.state.drives] for side in sides)
+    pairs = itertools.product(mine, theirs)
+    return any(one.offset == other.offset and one.overlaps(other) for one, other in pairs)
 
 
 def _merged_sides(
