@@ -52,6 +52,17 @@ def test_a_single_storage_file_is_read_without_its_folder(tmp_path: Path) -> Non
             assert_shows(frame, shot)
 
 
+@pytest.mark.parametrize("name", ["a#b", "what?", "50% done", "a%20b", "ü 🙂", "x&mode=rw"])
+def test_a_bag_may_have_any_name(tmp_path: Path, kind: str, name: str) -> None:
+    written = storage_file(write_bag(tmp_path, kind, SHOTS))
+    folder = tmp_path / name
+    folder.mkdir()
+    path = folder / f"{name}{written.suffix}"
+    shutil.copy(written, path)
+    for frame, shot in zip(frames_of(path), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
 def write_parts(folder: Path, kind: str, names: list[str]) -> Path:
     """Write a bag in parts, of which the first has tf and each one more shot."""
     (folder / "work").mkdir(parents=True)

@@ -206,4 +206,4 @@ def _show_views(views: Sequence[NextView]) -> None:
 
 
 def _stand(pose: Pose2D) -> tuple[str, str]:
-    return f"{decimal(pose.x)},{decimal(pose.y)}", f"{math.degrees(pose.yaw):.0f}°"
+    return f"{decimal(pose.x)},{decimal(pose.y)}", f"{decimal(math.degrees(pose.yaw), 0)}°"

@@ -16,6 +16,7 @@ from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import apsw
 from rosbags import rosbag1, rosbag2
@@ -206,12 +207,12 @@ class SqliteReader(Sqlite3Reader):
         try:
             if missing > 0:  # SQLite would not notice that the last page is there in part
                 raise rosbag2.ReaderError(f"{_size(missing)} of the file are missing")
-            super().open()
+            self._open_by_uri()
         except rosbag2.ReaderError:
             apsw.connection_hooks.append(_leave_out_missing_rows)
             try:
                 with suppress(Exception):  # the first error says more
-                    super().open()
+                    self._open_by_uri()
                     found = self.metadata
                     times = found.start_time, found.end_time - 1
                     self.cut_off = _told(found.message_count, times, 0, missing)
@@ -222,6 +223,15 @@ class SqliteReader(Sqlite3Reader):
                 raise
         if log := log_of(path):
             self.cut_off = "; ".join(filter(None, (self.cut_off, log)))
+
+    def _open_by_uri(self) -> None:
+        """Open the database; rosbags makes a URI of its path, but would not quote it."""
+        path = self.path
+        self.path = Path(quote(os.fsencode(str(path)), safe="/\\:"))
+        try:
+            super().open()
+        finally:
+            self.path = path
 
 
 def _missing_bytes(path: Path) -> int:
