@@ -661,6 +661,36 @@ def test_edits_of_a_later_map_stay_when_it_is_the_first_one(tmp_path: Path) -> N
     assert merged.conflicts == ()
 
 
+def test_what_people_have_drawn_and_deleted_later_stays_deleted(tmp_path: Path) -> None:
+    week = changed(first_day(), tmp_path / "monday.hmap")
+    week.semantic().add([SemanticObject("charger", shapely.box(0.2, 0.2, 0.5, 0.5))])
+    week = changed(week, tmp_path / "drawn.hmap")
+    week = changed(mapped(frames(*ALL), later=2 * DAY, onto=week), tmp_path / "week.hmap")
+    week.semantic().remove(objects_of(week)["charger"].id)
+    week = changed(week, tmp_path / "deleted.hmap")
+    between = mapped(frames(*ALL), later=DAY)
+    for first, second in ((week, between), (between, week)):
+        merged = merge_maps(first, second, HERE)
+        assert objects_of(merged.hypermap).keys() == set(ALL)
+
+
+def test_ids_and_edits_stay_where_later_frames_replace_all_evidence(tmp_path: Path) -> None:
+    monday, shots, few = 19_000 * DAY, frames(*ALL), {"max_evidence": 4}
+    first = mapped(shots, later=monday, evidence=few)
+    second = mapped(shots[12:], later=monday + 5.2, evidence=few)  # while the first one drives
+    ids = [{name: item.id for name, item in objects_of(m).items()} for m in (first, second)]
+    assert ids[0] != ids[1]
+    first = changed(first, tmp_path / "first.hmap")
+    first.semantic().remove(ids[0]["chair"])
+    first.semantic().rename(ids[0]["plant"], "ficus")
+    first = changed(first, tmp_path / "edited.hmap")
+    for own, maps in zip(ids, ((first, second), (second, first)), strict=True):
+        merged = merge_maps(*maps, HERE)
+        found = {name: item.id for name, item in objects_of(merged.hypermap).items()}
+        assert found == {"table": own["table"], "ficus": own["plant"]}
+        assert (merged.both, merged.first, merged.second) == (2, 0, 0)
+
+
 def test_what_people_have_deleted_from_the_second_map_is_no_object(tmp_path: Path) -> None:
     other = changed(second_day(*ALL), tmp_path / "other.hmap")
     other.semantic().remove(objects_of(other)["plant"].id)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,11 @@ _SAME_PLACE = 1e-3  # [m] by which rounding moves what is seen
 
 
 def with_known_ids(
-    tracks: TrackTable, known: TrackTable, fixed: frozenset[int], config: EvidenceConfig
+    tracks: TrackTable,
+    known: TrackTable,
+    fixed: frozenset[int],
+    config: EvidenceConfig,
+    shared: Mapping[tuple[int, int], int] | None = None,
 ) -> TrackTable:
     """Return tracks with the ids, pictures and embeddings of the same objects in another table.
 
@@ -32,14 +36,18 @@ def with_known_ids(
         known: the tracks with the ids to use.
         fixed: ids that mean the same object in both.
         config: of both.
+        shared: how many observations a track and a known one have shared, by their ids; None for
+            those that they keep.
     """
-    ids = _known_ids(tracks, known, fixed)
+    if shared is None:
+        shared = shared_observations(tracks, known)
+    ids = _known_ids(tracks, known, fixed, shared)
     earlier = [ids[track.id] for track in tracks.objects if track.id < tracks.first_id]
     own = [ids[track.id] for track in tracks.objects if track.id >= tracks.first_id]
     if max(earlier, default=-1) > min(own, default=max(ids.values(), default=-1)):
         drives, own = EarlierDrives(config), []
         tracks, known = drives.settled(tracks), drives.settled(known)
-        ids = _known_ids(tracks, known, fixed)
+        ids = _known_ids(tracks, known, fixed, shared_observations(tracks, known))
     table = _renumbered(tracks, known, ids)
     table.next_id = max(table.next_id, known.next_id)
     table.first_id = min(own, default=table.next_id) if tracks.first_id else 0
@@ -61,14 +69,18 @@ def _renumbered(tracks: TrackTable, known: TrackTable, ids: dict[int, int]) -> T
     return tracks.of_tracks(found, rows)
 
 
-def _known_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> dict[int, int]:
+def _known_ids(
+    tracks: TrackTable,
+    known: TrackTable,
+    fixed: frozenset[int],
+    shared: Mapping[tuple[int, int], int],
+) -> dict[int, int]:
     """Return an id for each track, by the tracks' own ids.
 
     Those of earlier drives come first: a known object may have the evidence of both drives.
     """
     owns = [track.id for track in tracks.objects]
     earlier = {own for own in owns if own < tracks.first_id}
-    shared = shared_observations(tracks, known)
     ids: dict[int, int] = {}
     for some in (earlier, set(owns) - earlier):
         _match(ids, shared, some)
@@ -120,7 +132,9 @@ def _place_from_camera(item: Evidence) -> NDArray[np.float64]:
     return np.array([[x, y], [-y, x]]) @ offset
 
 
-def _match(ids: dict[int, int], shared: Counter[tuple[int, int]], wanted: Collection[int]) -> None:
+def _match(
+    ids: dict[int, int], shared: Mapping[tuple[int, int], int], wanted: Collection[int]
+) -> None:
     """Add known ids of some tracks, by how many observations they share; `ids` changes."""
     taken = set(ids.values())
     # Ties go to tracks whose ids mean the same object.

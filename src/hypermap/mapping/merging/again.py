@@ -75,6 +75,8 @@ def map_both_again(
     evidence.go_on_with(base.tracks.snapshot(), base.tracks.hand_edits())
     if base.log_odds is not None:
         occupancy.go_on_with(base.first_cell, base.log_odds.copy())
+    # Later drives take the place of what tracks keep: each drive is compared when it ends.
+    shared = [shared_observations(base.tracks, side.tracks) for side in sides]
     before = _parts_before(sides, kept)
     log = FrameLog(before)
     for side, one in in_order(sides, kept):
@@ -87,13 +89,14 @@ def map_both_again(
                 log.begin_part(map_now(evidence, occupancy, base.log_odds is not None))
             add_logged(frame, found, evidence, occupancy)
             log.add(stamp, content, pose)
+        shared[sides.index(side)] |= shared_observations(evidence.settled(), side.tracks)
     tracks = evidence.settled().snapshot()
     tracks.first_id = tracks.next_id  # none is of a drive that goes on
     ids = {track.id: track.id for track in tracks.objects}
     is_first_again, is_second_again = (n < len(s.logged) for n, s in zip(kept, sides, strict=True))
     if is_first_again:
         fixed = frozenset(track.id for track in base.tracks.objects)
-        tracks, ids = _with_ids_of_first(tracks, sides[0].tracks, fixed, config.evidence)
+        tracks, ids = _with_ids_of_first(tracks, sides[0].tracks, fixed, config, shared[0])
         known = {id(part.before) for part in before}
         log.parts = [
             part
@@ -103,7 +106,7 @@ def map_both_again(
         ]
     numbers = {number: ids[now] for number, now in joined.ids.items() if now in ids}
     if is_second_again:
-        numbers = _owners(sides[1].tracks, tracks)
+        numbers = _owners(shared[1], ids)
         _keep_looks(tracks, sides[1].tracks, numbers)
     made = _joined(tracks, sides, numbers, config.evidence)
     first_cell, log_odds = occupancy.log_odds()
@@ -166,13 +169,20 @@ def _frames(
 
 
 def _with_ids_of_first(
-    tracks: TrackTable, known: TrackTable, fixed: frozenset[int], config: EvidenceConfig
+    tracks: TrackTable,
+    known: TrackTable,
+    fixed: frozenset[int],
+    config: MappingConfig,
+    shared: Mapping[tuple[int, int], int],
 ) -> tuple[TrackTable, dict[int, int]]:
-    """Return tracks with the ids and the looks of the first map, and their new ids by the old."""
+    """Return tracks with the ids and the looks of the first map, and their new ids by the old.
+
+    The arguments are those of `with_known_ids`.
+    """
     looks = [
         (track.buffer, track.buffer.pictures, track.buffer.embedding) for track in tracks.objects
     ]
-    table = with_known_ids(tracks, known, fixed, config)
+    table = with_known_ids(tracks, known, fixed, config.evidence, shared)
     for buffer, pictures, embedding in looks:
         buffer.keep_looks(pictures, (), embedding)
     table.first_id = table.next_id
@@ -180,14 +190,18 @@ def _with_ids_of_first(
     return table, {track.id: new[id(track.buffer)] for track in tracks.objects}
 
 
-def _owners(tracks: TrackTable, known: TrackTable) -> dict[int, int]:
-    """Return the ids of the known tracks that have most of the evidence of others, by theirs.
+def _owners(shared: Mapping[tuple[int, int], int], ids: Mapping[int, int]) -> dict[int, int]:
+    """Return the ids of the tracks that have most of the evidence of others, by theirs.
 
     Those with more evidence come first.
+
+    Args:
+        shared: how many observations a track and another one have shared, by their ids.
+        ids: the present ids of the tracks, by those in `shared`.
     """
     found: dict[int, int] = {}
-    shared = shared_observations(tracks, known)
-    for (own, owner), _ in sorted(shared.items(), key=lambda pair: (-pair[1], pair[0])):
+    counts = [(-count, own, ids[now]) for (now, own), count in shared.items() if now in ids]
+    for _, own, owner in sorted(counts):
         found.setdefault(own, owner)
     return found
 

@@ -201,11 +201,16 @@ def _merged_sides(
 
 
 def _tracks_before(side: Side, kept: int, config: MappingConfig) -> TrackTable:
-    """Return the tracks of a map before all but some of its logged drives, one per object."""
+    """Return the tracks of a map before all but some of its logged drives, one per object.
+
+    What people had drawn by then, and have deleted since, is left out.
+    """
     if kept == len(side.logged):
         return side.tracks.snapshot()
     evidence, before = EvidenceMap(config.evidence), side.logged[kept].parts[0].before.tracks
-    evidence.go_on_with(before.snapshot(), before.hand_edits())
+    edited = side.tracks.hand_edits().keys()
+    edits = {number: edit for number, edit in before.hand_edits().items() if number in edited}
+    evidence.go_on_with(before.snapshot(), edits)
     tracks = evidence.settled().snapshot()
     return moved_tracks(tracks, side.a_T_b, config.evidence, side.later)
 
