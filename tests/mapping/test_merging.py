@@ -275,6 +275,21 @@ def test_what_came_in_the_first_of_two_later_drives_is_no_doubtful_change(tmp_pa
     assert (change.kind, change.object.name, change.is_doubtful) == ("added", "chair", False)
 
 
+def test_what_the_first_of_two_merged_maps_has_changed_is_no_doubtful_change(
+    tmp_path: Path,
+) -> None:
+    monday = 19_000 * DAY
+    hypermap = changed(mapped(frames("table", "plant"), later=monday), tmp_path / "monday.hmap")
+    for day in (1, 2):
+        other = mapped(frames("table", "chair"), later=monday + day * DAY)
+        hypermap = merge_maps(hypermap, other, HERE).hypermap
+    history = changed(hypermap, tmp_path / "week.hmap").history
+    assert history is not None
+    told = {(each.kind, each.object.name) for each in history.revisions()[-1].changes}
+    assert told == {("added", "chair"), ("gone", "plant")}
+    assert not any(each.is_doubtful for each in history.revisions()[-1].changes)
+
+
 def test_without_a_clock_the_second_map_is_the_later_one() -> None:
     later = mapped(frames(*MOVED), later=0.3)
     for first, second in ((first_day(), later), (later, first_day())):

@@ -22,7 +22,7 @@ from hypermap.alignment.frames import (
 from hypermap.core.errors import FormatError, FrameError
 from hypermap.core.frames import FrameTree, Pose2D
 from hypermap.core.grid import GridGeometry, along
-from hypermap.core.history import Change, Mapped
+from hypermap.core.history import ADDED, Change, Mapped
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
@@ -145,6 +145,7 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     doubt = None
     if _is_after(b, state):
         doubt = _doubt(replace(state, log=made.log), len(b.drives), config, first, hypermap)
+    doubt = _doubt_of_both(first, doubt)
     hypermap.history = replace(hypermap.history, mapped=_source(first, b.drives, doubt))
     counted = _counted(hypermap, (first, second), made.joined, others.renamed)
     return replace(counted, settings=settings)
@@ -245,6 +246,23 @@ def _doubt(
         differ,
         count,
     ).chance
+
+
+def _doubt_of_both(
+    first: Hypermap, doubt: Callable[[Change], float] | None
+) -> Callable[[Change], float] | None:
+    """Return the doubt about changes by drives merged with a map, and by those before, unsaved."""
+    if first.history is None or first.history.mapped is None:
+        return doubt
+    before, layer = first.history.mapped.doubt, layer_of_objects(first)
+    there = set() if layer is None else {item.id for item in layer}
+
+    def of_both(change: Change) -> float:
+        is_of_first = (change.object.id in there) == (change.kind == ADDED)
+        own = before if is_of_first else doubt
+        return 0.0 if own is None else own(change)
+
+    return of_both
 
 
 def _source(
