@@ -14,6 +14,7 @@ from hypermap.mapping.seen_sizes import may_be_one
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import are_two
 
+_SELDOM = 0.3  # share of the frames with one track that have the other, where that is a part of it
 _SAME_PLACE = 0.5  # Jaccard index from which two published footprints are one object
 
 
@@ -47,14 +48,16 @@ class MergeRules:
     def are_one(self, row: int, match: int) -> bool:
         """Return whether two tracks may be one object: not if many frames show both.
 
-        A few frames may show one object in two parts, if the tracks fill the same space. If any
-        frame shows both, they must together be no larger than one object is seen to be.
+        A few frames may show one object in two parts, if the tracks fill the same space; and more
+        of them, if they are few of those that show the object. If any frame shows both, they must
+        together be no larger than one object is seen to be.
         """
         one, other = (self.published.tracks.objects[which] for which in (row, match))
         if other.id in self.observed:
             return False
         shown_together = one.co_occurrences[other.id]
-        few = shown_together < CONFIRMED
+        seldom, often = sorted([one.buffer.count, other.buffer.count])
+        few = shown_together < CONFIRMED or seldom <= _SELDOM * often
         if are_two(one, other) and not (few and self._fill_one_place(row, match)):
             return False
         return shown_together == 0 or self._have_size_of_one(row, match)

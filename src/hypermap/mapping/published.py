@@ -24,6 +24,7 @@ from hypermap.mapping.evidence_buffer import EvidenceBuffer
 from hypermap.mapping.evidence_table import lazy_evidence_table
 from hypermap.mapping.fusion import FUSIONS, votes
 from hypermap.mapping.landmarks import landmark_moves
+from hypermap.mapping.misnamed_parts import without_misnamed_parts
 from hypermap.mapping.parts import joined_parts
 from hypermap.mapping.probability import probability
 from hypermap.mapping.stages import EvidenceConfig
@@ -94,7 +95,8 @@ class PublishedTracks:
         found = self._on_own_floor(self._joined(found), found, shifts)
         if self.config.slip >= 1:
             return found
-        return one_class_per_place(found, self.config.slip, self.tracks.hand_edits())
+        edited = self.tracks.hand_edits()
+        return without_misnamed_parts(one_class_per_place(found, self.config.slip, edited), edited)
 
     def _joined(self, found: list[SemanticObject]) -> list[SemanticObject]:
         """Return the objects with parts of one joined; see `joined_parts`.

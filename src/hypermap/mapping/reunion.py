@@ -8,6 +8,7 @@ likely by a factor of e.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Set
 from dataclasses import dataclass
 from functools import cached_property
@@ -39,6 +40,7 @@ _SURE = 10.0  # existence from which on it has not been missed much
 _CAME = 4.0
 _MAY_HAVE_BEEN = 2.0  # its place was not seen before
 _DOUBTFUL = 1.0  # it is not probable enough for the map
+_ALSO = 0.5  # pseudocount of objects: of a class that the map does not have, too
 
 # An object that has stayed
 _UNLIKE = 3.0  # of another shape
@@ -286,7 +288,24 @@ class Reunion:
         """Return what it costs that a track of the drive is no known object."""
         if not self._is_published(row):
             return _DOUBTFUL
-        return _CAME if self._was_without(row) else _MAY_HAVE_BEEN
+        came = _CAME if self._was_without(row) else _MAY_HAVE_BEEN
+        return came + self._rarity(self._tracks.objects[row].name)
+
+    def _rarity(self, name: str) -> float:
+        """Return how much rarer a class is than that of most objects, as a logarithm; 0 if not.
+
+        Where there are ten chairs and one person, what comes anew is hardly another person.
+        """
+        usual = sum(n * n for n in self._numbers.values()) / max(self._numbers.total(), 1)
+        return max(math.log(max(usual, _ALSO) / (self._numbers[name] + _ALSO)), 0.0)
+
+    @cached_property
+    def _numbers(self) -> Counter[str]:
+        """How many objects of each class there were when this drive began."""
+        known, _ = parted(self._tracks)
+        objects = self._tracks.objects
+        there = [objects[row] for row in known if not self._was_gone(row)]
+        return Counter(track.name for track in there if track.buffer.count >= MAPPED)
 
     @cached_property
     def _surely_same(self) -> dict[int, int]:
