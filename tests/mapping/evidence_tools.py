@@ -11,7 +11,9 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.semantic import SemanticObject
 from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.tracks import TrackTable
 from hypermap.perception.observation import Observation, ObservedObject
 
 THESIS = profile("thesis").evidence
@@ -45,3 +47,17 @@ def published_all(config: EvidenceConfig) -> EvidenceConfig:
 def only(evidence: EvidenceMap) -> SemanticObject:
     (found,) = evidence.objects()
     return found
+
+
+def tracks_of(*things: tuple[shapely.Polygon, int]) -> TrackTable:
+    """Return a table of chairs, each seen so often, whatever lies at its place."""
+    table = TrackTable(DEFAULT.max_existence)
+    for shape, views in things:
+        evidence = EvidenceMap(DEFAULT)
+        for number in range(views):
+            evidence.update(seen(shape, stamp=float(number)))
+        alone = evidence.settled().snapshot()
+        track, heights = renumbered(alone.objects[0], table.next_id), alone.shapes.heights[0]
+        polygon, existence = alone.shapes.polygons[0], float(alone.existence[0])
+        table.add(track, 0, polygon, tuple(heights.tolist()), existence)
+    return table

@@ -44,7 +44,7 @@ from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.merging import CannotMerge, Merged, merge_maps
 from hypermap.mapping.merging.grids import added_layers
 from hypermap.mapping.merging.logged import Side, kept_drives
-from hypermap.mapping.merging.moving import moved_tracks, renumbered
+from hypermap.mapping.merging.moving import moved_tracks
 from hypermap.mapping.merging.tracks import join_tracks
 from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.overrides import override
@@ -56,7 +56,7 @@ from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
-from .evidence_tools import DEFAULT, seen, square
+from .evidence_tools import DEFAULT, seen, square, tracks_of
 
 pytestmark = pytest.mark.xdist_group("merging")  # they share what takes long to make
 
@@ -445,20 +445,6 @@ def test_free_floor_below_a_table_does_not_say_that_what_stands_on_it_is_gone() 
         maps.append(mapper.hypermap())
     assert "monitor" not in objects_of(maps[1])
     assert "monitor" in objects_of(merge_maps(*maps, Pose2D()).hypermap)
-
-
-def tracks_of(*things: tuple[shapely.Polygon, int]) -> TrackTable:
-    """Return a table of chairs, each seen so often, whatever lies at its place."""
-    table = TrackTable(DEFAULT.max_existence)
-    for shape, views in things:
-        evidence = EvidenceMap(DEFAULT)
-        for number in range(views):
-            evidence.update(seen(shape, stamp=float(number)))
-        alone = evidence.settled().snapshot()
-        track, heights = renumbered(alone.objects[0], table.next_id), alone.shapes.heights[0]
-        polygon, existence = alone.shapes.polygons[0], float(alone.existence[0])
-        table.add(track, 0, polygon, tuple(heights.tolist()), existence)
-    return table
 
 
 NEVER_FREE = (lambda *_: False,) * 2

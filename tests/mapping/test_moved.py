@@ -403,6 +403,23 @@ def test_the_farther_away_something_appears_the_more_alike_it_must_be(
     assert (only(evidence).id == 0) == is_same
 
 
+@pytest.mark.parametrize(("sofas", "is_same"), [(0, False), (8, True)])
+def test_what_comes_is_hardly_another_one_of_a_rare_class(sofas: int, is_same: bool) -> None:
+    evidence, building = EvidenceMap(DEFAULT), shapely.box(-20, -20, 20, 20)
+    others = seen(*(square(2 * n - 8, 6) for n in range(sofas)), name="sofa", top=0.8).objects
+
+    def look(chair: shapely.Polygon, stamp: float) -> None:
+        observation = seen(chair, stamp=stamp, area=building)
+        objects = (*observation.objects, *others)
+        evidence.update(dataclasses.replace(observation, objects=objects))
+
+    for second in range(6):
+        look(square(-3), second)
+    for second in range(60):
+        look(shapely.box(8.75, -0.5, 9.25, 0.5), DAY + second)
+    assert ([item.id for item in evidence.objects() if item.name == "chair"] == [0]) == is_same
+
+
 @pytest.mark.parametrize(("left", "has_moved"), [(-2.6, True), (-2.9, False)])
 def test_an_object_that_is_hardly_in_its_place_was_moved_even_if_its_shape_seems_another_one(
     left: float, has_moved: bool
