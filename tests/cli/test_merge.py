@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hypermap import Pose2D, open_map, save_map
-from hypermap.cli import merge
+from hypermap.cli import merge, progress
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.merging import Merged
@@ -79,6 +79,14 @@ def test_maps_are_aligned_and_become_one(
     assert len(merged.semantic()) == count
     assert [drive["name"] for drive in merged.metadata["drives"]] == ["day 0", "day 1", "day 2"]
     assert "drive day 2: " in hypermap("info", out).out
+
+
+def test_a_long_merge_says_that_it_goes_on(
+    hypermap: Run, maps: tuple[Path, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "_EVERY", 0.0)
+    result = hypermap("merge", *maps[::2], "-o", tmp_path / "week.hmap", "--same-frame")
+    assert f"merging {maps[2]} ..." in result.err
 
 
 def test_a_map_that_align_has_aligned_is_not_aligned_again(

@@ -11,6 +11,7 @@ import typer
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.onto import is_same_file, named
 from hypermap.cli.options import AsJson, ForceMap, MapOutput, MapPath, check_map_output, name_of
+from hypermap.cli.progress import working
 from hypermap.cli.saving import replace_from
 from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.two_maps import InitialPose, SameFrame, pose_on
@@ -92,7 +93,8 @@ def _merged(first: Hypermap, second: Hypermap, pose: Pose2D, path: Path, other: 
     with named(other):
         config_to_go_on_with(second)
     try:
-        return merge_maps(first, second, pose)
+        with working(f"merging {name_of(other)}"):
+            return merge_maps(first, second, pose)
     except (CannotGoOn, CannotMerge, FrameError) as error:
         raise type(error)(f"{name_of(path)} and {name_of(other)}: {error}") from None
 
