@@ -140,10 +140,11 @@ def test_a_corrected_map_is_that_of_the_corrected_poses(name: str) -> None:
     after = mapper.hypermap()
     assert correction.frames == len(drive())
     assert np.mean(best_ious(objects(exact), objects(before))) < 0.7
-    # Rounding may tip whether an area covers what is on its border: `thesis` asks that.
+    # Rounding may tip whether an area covers what is on its border: `thesis` asks that. Then two
+    # objects may be one, which has the shape of neither.
     odd = int(name == "thesis")
     assert abs(len(objects(after)) - len(objects(exact))) <= odd
-    ious = sorted(best_ious(objects(exact), objects(after)))[odd:]
+    ious = sorted(best_ious(objects(exact), objects(after)))[2 * odd :]
     assert np.mean(ious) >= 0.95
     assert ious[0] > 0.7
     assert cells_alike(exact, after) > 0.93 > cells_alike(exact, before)
