@@ -11,7 +11,7 @@ from hypermap.core.layer_stack import DEFAULT_FRAME
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.atomic import is_folder
 from hypermap.formats.columns.geoparquet import MAGIC
-from hypermap.formats.grid.map_server import load_occupancy
+from hypermap.formats.grid.map_server import load_occupancy, refuse_picture
 from hypermap.formats.hmap import open_map
 from hypermap.formats.semantic.geojson import from_geojson
 from hypermap.formats.semantic.parquet_files import layer_of_parquet
@@ -21,7 +21,6 @@ from hypermap.formats.yaml_text import read_yaml
 from hypermap.text import is_address
 
 JSON_ENDINGS = {".geojson", ".json"}
-_PICTURES = {".pgm", ".png"}
 _ONLY_WRITTEN = {".csv", ".gpkg", ".tif", ".tiff", ".rrd", ".mcap"}
 _ZIP = b"PK"
 
@@ -50,8 +49,7 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
 def _only_layer(path: Path, frame_id: str | None) -> Layer | None:
     """Return the layer in a file of one layer; None if it may be a whole map."""
     content = _ZIP if is_folder(path) else read_file(path)
-    if path.suffix.lower() in _PICTURES:
-        raise FormatError("is a picture; give the map_server YAML file that names it", path=path)
+    refuse_picture(path)
     if path.suffix.lower() in _ONLY_WRITTEN:
         raise FormatError(
             f"{path.suffix} files can be written, but not read as maps; make objects of them in "

@@ -264,6 +264,13 @@ def test_a_wrong_key_is_named_with_its_value(old: str, new: str, message: str) -
     assert str(error.value).startswith("t.hmap")
 
 
+def test_a_picture_in_the_place_of_its_yaml_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "office.PNG"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n")
+    with pytest.raises(FormatError, match=r"office\.PNG: is a picture; give the map_server YAML"):
+        load_occupancy(path)
+
+
 def test_a_yaml_file_that_is_a_list_is_refused() -> None:
     with pytest.raises(FormatError) as error:
         load(picture(GRAYS), "- image: map.png\n")

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 Cells = NDArray[np.int8] | NDArray[np.int16]
 _Fraction = Annotated[float, Field(ge=0, le=1)]
+_PICTURES = (".pgm", ".png", ".bmp")
 _UNKNOWN_GRAY = 205  # what map_saver draws for unknown
 
 logger = logging.getLogger(__name__)
@@ -146,8 +147,19 @@ def parse_map_yaml(content: bytes, path: str) -> MapYaml:
     return check(MapYaml, read_yaml(content, path, {("image",), ("mode",)}), path)
 
 
+def refuse_picture(path: Path) -> None:
+    """Make sure that a file is not the picture of a map, by its name.
+
+    Raises:
+        FormatError: If it is.
+    """
+    if path.suffix.lower() in _PICTURES:
+        raise FormatError("is a picture; give the map_server YAML file that names it", path=path)
+
+
 def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
     content = read_file(path)
+    refuse_picture(path)
     if content.startswith(b"PK"):
         raise FormatError(
             "is an archive, not a map_server YAML file; for a hypermap's occupancy layer as such a "
@@ -183,7 +195,7 @@ def _picture_of(path: Path, image: str) -> Path:
 def _pictures_beside(path: Path) -> str:
     """Return a hint at pictures that are named like the YAML file."""
     named_alike = path.parent.glob(f"{glob.escape(path.stem)}.*")
-    names = [each.name for each in named_alike if each.suffix in (".pgm", ".png", ".bmp")]
+    names = [each.name for each in named_alike if each.suffix in _PICTURES]
     return f"; there is {min(names)}" if names else ""
 
 
