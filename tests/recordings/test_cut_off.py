@@ -105,12 +105,16 @@ def test_what_is_lost_of_a_file_is_told(tmp_path: Path) -> None:
 
     path = write(tmp_path, "mcap", "chunks")
     content = path.read_bytes()
-    record = 8  # where a record begins
-    for _ in range(20):
-        record += 9 + int.from_bytes(content[record + 1 : record + 9], "little")
-    path.write_bytes(content[: record + 5])
+    path.write_bytes(content[: begin_of_record(content, 20) + 5])
     [note] = notes_on(path)
     assert note.endswith(" s are read; its last 5 bytes are damaged or unfinished")
+
+
+def begin_of_record(content: bytes, number: int) -> int:
+    begin = 8  # of the first one of an MCAP file
+    for _ in range(number):
+        begin += 9 + int.from_bytes(content[begin + 1 : begin + 9], "little")
+    return begin
 
 
 def notes_on(path: Path) -> list[str]:
@@ -140,6 +144,15 @@ def test_a_bag_of_which_nothing_can_be_read_is_an_error_with_a_remedy(
     assert str(caught.value).startswith(f"{path}: the bag cannot be read (")
     assert f"`{REPAIR[kind]}` may repair it" in str(caught.value)
     assert recording.info().missing == (str(caught.value),)
+
+
+@pytest.mark.parametrize("damage", [b"\xff" * 500, b"\x05" + b"\xff" * 8 + bytes(500)])
+def test_a_file_is_read_up_to_a_record_of_any_length(tmp_path: Path, damage: bytes) -> None:
+    path = write(tmp_path, "mcap")
+    content = path.read_bytes()
+    path.write_bytes(content[: begin_of_record(content, 20)] + damage)
+    [note] = notes_on(path)
+    assert note.endswith(f" s are read; its last {len(damage)} bytes are damaged or unfinished")
 
 
 def test_parts_of_a_bag_of_which_the_last_was_cut_off_are_read(tmp_path: Path) -> None:

@@ -166,10 +166,10 @@ class _McapReader(McapReader):
         while ends[-1] < size:
             self.bio.seek(ends[-1])
             head = self.bio.read(_MCAP_HEAD)
-            ends.append(ends[-1] + _MCAP_HEAD + int.from_bytes(head[1:], "little"))
-            if head[0] in _MCAP_ENDS or ends[-1] > size:
-                ends.pop()
+            end = ends[-1] + _MCAP_HEAD + int.from_bytes(head[1:], "little")
+            if head[0] in _MCAP_ENDS or end > size:
                 break
+            ends.append(end)
         self.data_end = ends[-1]
         try:
             self._scan()
