@@ -18,14 +18,25 @@ from .bag_tools import frames_of, storage_file, without
 from .shots import INTRINSICS, SHOTS, assert_shows
 
 
-@pytest.mark.parametrize("content", [b"", b"this is not a bag\n" * 100])
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "the bag cannot be read ("),
+        (bytes(4096), "the bag cannot be read ("),
+        (
+            b"this is not a bag\n" * 100,
+            "is not a bag of this kind: its first bytes are not",
+        ),
+        (b"\x89PNG\r\n\x1a\n", "is not a bag of this kind: its first bytes are not"),
+    ],
+)
 def test_a_foreign_file_is_an_error_that_info_tells(
-    tmp_path: Path, kind: str, content: bytes
+    tmp_path: Path, kind: str, content: bytes, message: str
 ) -> None:
     path = tmp_path / {"ros1": "a.bag", "db3": "a.db3", "mcap": "a.mcap"}[kind]
     path.write_bytes(content)
     [problem] = open_recording(path).info().missing
-    assert problem.startswith(f"{path}: the bag cannot be read (")
+    assert problem.startswith(f"{path}: {message}")
 
 
 def test_an_mcap_file_of_another_program_is_said_to_be_one(tmp_path: Path) -> None:

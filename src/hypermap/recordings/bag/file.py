@@ -34,6 +34,12 @@ _REPAIR = {
     ".mcap": "mcap recover",
     ".db3": "ros2 bag reindex",
 }
+_BEGINNINGS = {
+    ".bag": b"#ROSBAG V",
+    ".active": b"#ROSBAG V",
+    ".mcap": b"\x89MCAP0\r\n",
+    ".db3": b"SQLite format 3\0",
+}
 
 
 bound_unpacking()
@@ -185,6 +191,11 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
         detail = str(error) or type(error).__name__
         if "Profile is not ros2" in detail:
             raise FormatError("only MCAP files of ROS 2 can be read", path=path) from error
+        if _is_of_another_kind(path):
+            raise FormatError(
+                f"is not a bag of this kind: its first bytes are not those of {path.suffix} files",
+                path=path,
+            ) from error
         if log := log_of(path):
             raise FormatError(f"the bag cannot be read ({detail}); it {log}", path=path) from error
         raise FormatError(
@@ -201,6 +212,16 @@ def _check_metadata(file: Path) -> None:
             f"metadata.yaml has {size / 1e6:.1f} MB, of which at most {_MOST_METADATA / 1e6:g} are "
             "read; `ros2 bag reindex` writes it anew"
         )
+
+
+def _is_of_another_kind(path: Path) -> bool:
+    """Whether a file begins like none of its name; a recording that was cut off may leave zeros."""
+    if not path.is_file():
+        return False
+    expected = _BEGINNINGS.get(path.suffix, b"")
+    with path.open("rb") as file:
+        found = file.read(len(expected))
+    return any(found) and not expected.startswith(found)
 
 
 def _types_of(connection: Connection) -> Typestore:
