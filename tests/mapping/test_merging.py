@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from hypermap import (
     GridGeometry,
@@ -42,10 +40,8 @@ from hypermap.mapping.going_on import CannotGoOn, state_of
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.merging import CannotMerge, Merged, merge_maps
-from hypermap.mapping.merging.grids import added_layers
 from hypermap.mapping.merging.logged import Side, kept_drives
 from hypermap.mapping.merging.moving import moved_tracks
-from hypermap.mapping.merging.tracks import join_tracks
 from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.overrides import override
 from hypermap.mapping.tracks import TrackTable
@@ -56,7 +52,7 @@ from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
-from .evidence_tools import DEFAULT, seen, square, tracks_of
+from .evidence_tools import DEFAULT, seen, square
 
 pytestmark = pytest.mark.xdist_group("merging")  # they share what takes long to make
 
@@ -327,7 +323,7 @@ def side_of(
         tracks = TrackTable(DEFAULT.max_existence)
         if drives:
             evidence = EvidenceMap(DEFAULT)
-            evidence.update(seen(CHAIR, stamp=drives[-1].last))
+            evidence.update(seen(square(0, 0, 0.5), stamp=drives[-1].last))
             tracks = evidence.tracks()
         before = MapBefore(tracks, np.zeros(2, np.int64), None)
         parts.append(LogPart(before, [begin, end], [b""] * 2, [np.eye(4)] * 2))
@@ -445,75 +441,6 @@ def test_free_floor_below_a_table_does_not_say_that_what_stands_on_it_is_gone() 
         maps.append(mapper.hypermap())
     assert "monitor" not in objects_of(maps[1])
     assert "monitor" in objects_of(merge_maps(*maps, Pose2D()).hypermap)
-
-
-NEVER_FREE = (lambda *_: False,) * 2
-CHAIR = square(0, 0, 0.5)
-ROWS = {
-    "a piece of it, seen once": [(square(0.1, 0.1, 0.15), 1), (CHAIR, 9)],
-    "a double of it, seen once": [(square(0.01, 0, 0.5), 1), (square(0.06, 0, 0.5), 9)],
-    "a piece of it, seen often": [(square(0.1, 0.1, 0.15), 12), (CHAIR, 9)],
-}
-
-
-@pytest.mark.parametrize("things", ROWS.values(), ids=ROWS.keys())
-@pytest.mark.parametrize("is_first", [True, False])
-def test_an_object_of_both_maps_is_matched_and_not_what_lies_at_its_place(
-    things: list[tuple[shapely.Polygon, int]], is_first: bool
-) -> None:
-    tables = tracks_of(*things), tracks_of((CHAIR, 9))
-    first, second = tables if is_first else tables[::-1]
-    joined = join_tracks(first, second, DEFAULT, (lambda *_: False, lambda *_: False))
-    assert joined.pairs == {1 if is_first else 0}
-    assert joined.ids[0 if is_first else 1] in joined.pairs
-
-
-def test_of_two_chairs_side_by_side_one_that_was_hardly_seen_is_still_itself() -> None:
-    beside = square(0.35, 0, 0.5)  # the shapes of both overlap
-    first = tracks_of((CHAIR, 9), (beside, 1))
-    joined = join_tracks(first, tracks_of((beside, 9)), DEFAULT, (lambda *_: False,) * 2)
-    assert joined.pairs == {1}
-
-
-CUP = square(0, 0, 0.07)
-
-
-def test_a_cup_that_poses_put_beside_its_place_is_one_in_the_map_of_both() -> None:
-    there = square(0.09, 0, 0.07)  # the shapes of both are apart
-    joined = join_tracks(tracks_of((CUP, 9)), tracks_of((there, 9)), DEFAULT, NEVER_FREE)
-    assert joined.pairs == {0}
-    assert [len(track.buffer) for track in joined.tracks.objects] == [18]
-
-
-def test_two_cups_of_one_map_that_are_one_in_the_other_map_are_one() -> None:
-    twice = tracks_of((CUP, 9), (square(0.09, 0, 0.07), 3))
-    joined = join_tracks(tracks_of((CUP, 9)), twice, DEFAULT, NEVER_FREE)
-    assert joined.ids == {0: 0, 1: 0}
-    assert [len(track.buffer) for track in joined.tracks.objects] == [21]
-
-
-def test_two_cups_that_frames_show_together_stay_two() -> None:
-    cups = tracks_of((CUP, 9), (square(0.09, 0, 0.07), 9))
-    for one, other in zip(cups.objects, cups.objects[::-1], strict=True):
-        one.co_occurrences[other.id] = 9
-    joined = join_tracks(tracks_of((CUP, 9)), cups, DEFAULT, NEVER_FREE)
-    assert joined.ids == {0: 0, 1: 1}
-    assert [len(track.buffer) for track in joined.tracks.objects] == [18, 9]
-
-
-def test_what_stands_higher_or_is_large_is_not_what_is_beside_it() -> None:
-    chairs = tracks_of((CHAIR, 9)), tracks_of((square(0.52, 0, 0.5), 9))
-    assert join_tracks(*chairs, DEFAULT, NEVER_FREE).ids == {0: 1}
-    above = tracks_of((square(0.09, 0, 0.07), 9))
-    above.shapes.heights[0] = 1.2, 1.3
-    assert join_tracks(tracks_of((CUP, 9)), above, DEFAULT, NEVER_FREE).ids == {0: 1}
-
-
-def test_a_map_without_objects_is_merged_with_one_that_has_some() -> None:
-    for first, second in ((tracks_of(), tracks_of((CHAIR, 9))), (tracks_of(), tracks_of())):
-        joined = join_tracks(first, second, DEFAULT, (lambda *_: False,) * 2)
-        assert not joined.pairs
-        assert len(joined.tracks.objects) == len(second.objects)
 
 
 def test_how_poses_were_corrected_turns_with_the_map() -> None:
@@ -794,67 +721,6 @@ def test_maps_with_a_given_occupancy_map_get_one_that_covers_both() -> None:
     merged = merge_maps(*maps, Pose2D()).hypermap
     assert merged["walls"].extent().bounds == pytest.approx((0, 0, 8, 4))
     assert merged.value_at("walls", [(0.5, 1), (4, 1), (7.5, 1), (9, 1)]).tolist() == [0, 0, 0, -1]
-
-
-# Grids, worked out by hand
-
-A_ROW = GridGeometry(4, 1, 1.0)
-
-
-def layer_of(values: Sequence[int], grid: GridGeometry = A_ROW) -> OccupancyLayer:
-    return OccupancyLayer("grid", "map", grid, np.array([values]))
-
-
-@pytest.mark.parametrize(
-    ("one", "other", "expected"),
-    [
-        ((0, 100, -1, -1), (-1, -1, 0, -1), (0, 100, 0, -1)),  # what one map knows
-        ((0, 100, 50, 50), (0, 100, 0, 100), (0, 100, 0, 100)),  # 50 says nothing
-        # log(0.97 / 0.03) + log(0.12 / 0.88) = 1.48, which is a likelihood of 0.82
-        ((0, 100, 0, 100), (100, 0, 100, 0), (82, 82, 82, 82)),
-    ],
-)
-def test_cells_of_two_layers_are_added(
-    one: Sequence[int], other: Sequence[int], expected: Sequence[int]
-) -> None:
-    found = added_layers(layer_of(one), layer_of(other), Pose2D())
-    assert found.grid == A_ROW
-    assert found.cells is not None
-    assert found.cells.tolist() == [list(expected)]
-
-
-def test_a_layer_that_is_turned_lands_where_it_belongs() -> None:
-    quarter = Pose2D(2.0, -1.0, math.pi / 2)  # cell (0, i) goes to x 1..2, y i - 1..i
-    found = added_layers(layer_of([-1] * 4), layer_of([0, 100, -1, 100]), quarter)
-    points = [(1.5, -0.5), (1.5, 0.5), (1.5, 1.5), (1.5, 2.5), (0.5, 0.5)]
-    assert found.value_at(points).tolist() == [0, 100, -1, 100, -1]
-    assert found.extent().bounds == pytest.approx((0, -1, 4, 3))
-
-
-@settings(max_examples=40, deadline=None)
-@given(
-    x=st.floats(-3, 3),
-    y=st.floats(-3, 3),
-    yaw=st.floats(-4, 4),
-    seed=st.integers(0, 1000),
-)
-def test_no_cell_of_either_layer_is_lost(x: float, y: float, yaw: float, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    cells = rng.choice([-1, 0, 100], (6, 8))
-    one = OccupancyLayer("one", "map", GridGeometry(8, 6, 0.5), cells)
-    blank = OccupancyLayer(
-        "blank", "map", GridGeometry(2, 3, 0.5, Pose2D(0.3, 0.2, 0.4)), -np.ones((3, 2), int)
-    )
-    pose = Pose2D(x, y, yaw)
-    rows, cols = np.indices(cells.shape).reshape(2, -1)
-    centers = one.grid.centers(rows, cols)
-    kept = added_layers(one, blank, pose)
-    assert kept.value_at(centers).tolist() == cells.ravel().tolist()
-    moved = added_layers(blank, one, pose)
-    # The center of the cell over a center is at most half a diagonal away.
-    near = moved.grid.cells_at(pose.apply(centers))
-    found = moved.grid.centers(*near.T)
-    assert moved.value_at(found).tolist() == one.value_at(pose.inverse().apply(found)).tolist()
 
 
 def test_counts_add_up() -> None:

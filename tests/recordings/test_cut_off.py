@@ -181,7 +181,8 @@ def test_measured_values_are_read_up_to_the_end_with_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     bag = BagBuilder(tmp_path, "ros1")
-    bag._writer.chunk_threshold = 500  # type: ignore[attr-defined]
+    writer: Any = bag._writer
+    writer.chunk_threshold = 500
     with bag:
         for i in range(40):
             time = START + i * 100_000_000
