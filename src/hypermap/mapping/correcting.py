@@ -20,7 +20,7 @@ from hypermap.mapping.drives import Drive, numbers_of_drives, rows_of_drives
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import FoundEvidence, evidence_from_frames
 from hypermap.mapping.floor_motions import FloorMotions
-from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore
+from hypermap.mapping.frame_log import FrameLog, LoggedFrame, LogPart, MapBefore
 from hypermap.mapping.known_ids import with_known_ids
 from hypermap.mapping.moved_frames import ROUNDING, moved_frames
 from hypermap.mapping.observed_colors import colors_in
@@ -251,13 +251,7 @@ def map_again(
             on_progress(number + 1, len(poses) - begin)
     fixed = frozenset(track.id for track in first.tracks.objects)
     tracks = with_known_ids(evidence.tracks(), before.tracks(), fixed, config.evidence)
-    known = {id(part.before) for part in log.parts}
-    again.parts = [
-        part
-        if id(part.before) in known
-        else dataclasses.replace(part, before=with_ids_of(tracks, part.before, fixed, config))
-        for part in again.parts
-    ]
+    again.parts = with_ids_in_log(again.parts, log.parts, tracks, fixed, config)
     evidence.go_on_with(tracks, before.hand_edits())
     evidence.left_out = before.left_out
     return MappedAgain(evidence, occupancy, again)
@@ -323,9 +317,34 @@ def map_now(evidence: EvidenceMap, occupancy: OccupancyMapper, makes_occupancy: 
     return MapBefore.of(evidence.tracks(), first_cell, log_odds if makes_occupancy else None)
 
 
-def with_ids_of(
+def with_ids_in_log(
+    parts: Sequence[LogPart],
+    older: Sequence[LogPart],
+    known: TrackTable,
+    fixed: frozenset[int],
+    config: MappingConfig,
+) -> list[LogPart]:
+    """Return the parts of a log whose maps have the final ids of their tracks.
+
+    Args:
+        parts: of the log.
+        older: of the log before its frames were mapped again; their maps have these ids.
+        known: the tracks with the final ids.
+        fixed: ids that mean the same object in all of them.
+        config: of the maps.
+    """
+    have_ids = {id(part.before) for part in older}
+    return [
+        part
+        if id(part.before) in have_ids
+        else dataclasses.replace(part, before=_with_ids_of(known, part.before, fixed, config))
+        for part in parts
+    ]
+
+
+def _with_ids_of(
     known: TrackTable, before: MapBefore, fixed: frozenset[int], config: MappingConfig
 ) -> MapBefore:
-    """Return a map between two parts of the log, with the final ids of its tracks."""
+    """Return the map before a part of the log with the ids of the same objects in `known`."""
     tracks = with_known_ids(before.tracks, known, fixed, config.evidence)
     return MapBefore.of(tracks, before.first_cell, before.log_odds)

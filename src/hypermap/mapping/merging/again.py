@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,19 +11,22 @@ from numpy.typing import NDArray
 
 from hypermap.core.frames import Pose2D
 from hypermap.formats.collector import paused_collector
-from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.config import MappingConfig
-from hypermap.mapping.correcting import add_logged, frames_with_evidence, map_now, with_ids_of
+from hypermap.mapping.correcting import (
+    add_logged,
+    frames_with_evidence,
+    map_now,
+    with_ids_in_log,
+)
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import FoundEvidence
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, LogPart, MapBefore, packed_frame
 from hypermap.mapping.known_ids import shared_observations, with_known_ids
+from hypermap.mapping.merging.edits import with_edits
 from hypermap.mapping.merging.logged import LoggedDrive, Side, in_order
-from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.merging.tracks import Joined
 from hypermap.mapping.occupancy import OccupancyMapper
-from hypermap.mapping.protection import protected
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable
 
@@ -71,48 +73,72 @@ def map_both_again(
         FormatError: If a log is damaged.
         HypermapError: If the occupancy grid would have too many cells.
     """
+    made = _map_in_order(sides, kept, base, config, is_free)
+    tracks = made.evidence.settled().snapshot()
+    tracks.first_id = tracks.next_id  # none is of a drive that goes on
+    ids = {track.id: track.id for track in tracks.objects}
+    log = made.log.parts
+    is_first_again, is_second_again = (n < len(s.logged) for n, s in zip(kept, sides, strict=True))
+    if is_first_again:
+        fixed = frozenset(track.id for track in base.tracks.objects)
+        tracks, ids = _with_ids_of_first(tracks, sides[0].tracks, fixed, config, made.shared[0])
+        log = with_ids_in_log(log, _parts_before(sides, kept), tracks, fixed, config)
+    numbers = {number: ids[now] for number, now in joined.ids.items() if now in ids}
+    if is_second_again:
+        numbers = _owners(made.shared[1], ids)
+        _keep_looks(tracks, sides[1].tracks, numbers)
+    first_cell, log_odds = base.first_cell, None
+    if base.log_odds is not None:
+        first_cell, log_odds = made.occupancy.log_odds()
+    return MappedAgain(_joined(tracks, sides, numbers, config.evidence), first_cell, log_odds, log)
+
+
+@dataclass(frozen=True, eq=False)
+class _MappedInOrder:
+    """The frames of two maps, mapped in the order of time.
+
+    Attributes:
+        evidence: the map of their objects.
+        occupancy: the cells; of no use if the map has a layer that was given.
+        log: the frames, and those before them.
+        shared: for each of the two maps, how many observations a track of `evidence` and one of
+            that map have shared, by their ids.
+    """
+
+    evidence: EvidenceMap
+    occupancy: OccupancyMapper
+    log: FrameLog
+    shared: tuple[Counter[tuple[int, int]], Counter[tuple[int, int]]]
+
+
+def _map_in_order(
+    sides: tuple[Side, Side],
+    kept: tuple[int, int],
+    base: MapBefore,
+    config: MappingConfig,
+    is_free: FreeShare | None,
+) -> _MappedInOrder:
+    """Map the frames of two maps, one drive after the other; see `map_both_again`."""
     evidence, occupancy = EvidenceMap(config.evidence, is_free), OccupancyMapper(config.occupancy)
     evidence.go_on_with(base.tracks.snapshot(), base.tracks.hand_edits())
     if base.log_odds is not None:
         occupancy.go_on_with(base.first_cell, base.log_odds.copy())
-    # Later drives take the place of what tracks keep: each drive is compared when it ends.
-    shared = [shared_observations(base.tracks, side.tracks) for side in sides]
-    before = _parts_before(sides, kept)
-    log = FrameLog(before)
-    for side, one in in_order(sides, kept):
+    first, second = (shared_observations(base.tracks, side.tracks) for side in sides)
+    log = FrameLog(_parts_before(sides, kept))
+    for side, drive in in_order(sides, kept):
         evidence.begin_drive()
         log.end_drive()
-        if not one.is_whole:
+        if not drive.is_whole:
             log.parts.clear()  # drives are told apart by how many frames they have
-        for stamp, content, pose, frame, found in _frames(side, one, config):
+        for stamp, content, pose, frame, found in _frames(side, drive, config):
             if log.is_full:
                 log.begin_part(map_now(evidence, occupancy, base.log_odds is not None))
             add_logged(frame, found, evidence, occupancy)
             log.add(stamp, content, pose)
-        shared[sides.index(side)] |= shared_observations(evidence.settled(), side.tracks)
-    tracks = evidence.settled().snapshot()
-    tracks.first_id = tracks.next_id  # none is of a drive that goes on
-    ids = {track.id: track.id for track in tracks.objects}
-    is_first_again, is_second_again = (n < len(s.logged) for n, s in zip(kept, sides, strict=True))
-    if is_first_again:
-        fixed = frozenset(track.id for track in base.tracks.objects)
-        tracks, ids = _with_ids_of_first(tracks, sides[0].tracks, fixed, config, shared[0])
-        known = {id(part.before) for part in before}
-        log.parts = [
-            part
-            if id(part.before) in known
-            else dataclasses.replace(part, before=with_ids_of(tracks, part.before, fixed, config))
-            for part in log.parts
-        ]
-    numbers = {number: ids[now] for number, now in joined.ids.items() if now in ids}
-    if is_second_again:
-        numbers = _owners(shared[1], ids)
-        _keep_looks(tracks, sides[1].tracks, numbers)
-    made = _joined(tracks, sides, numbers, config.evidence)
-    first_cell, log_odds = occupancy.log_odds()
-    if base.log_odds is None:
-        return MappedAgain(made, base.first_cell, None, log.parts)
-    return MappedAgain(made, first_cell, log_odds, log.parts)
+        # Tracks keep only the newest observations, so each drive is compared when it ends.
+        shared = first if side is sides[0] else second
+        shared |= shared_observations(evidence.settled(), side.tracks)
+    return _MappedInOrder(evidence, occupancy, log, (first, second))
 
 
 def _joined(
@@ -131,7 +157,7 @@ def _joined(
         if track.id not in numbers:
             numbers[track.id] = tracks.next_id
             tracks.next_id += 1
-    tracks, conflicts = _with_edits(tracks, sides, numbers, config)
+    tracks, conflicts = with_edits(tracks, sides, numbers, config)
     first = {track.id for track in sides[0].tracks.objects}
     there = {track.id for track in tracks.objects}
     pairs = frozenset(there & first & set(numbers.values()))
@@ -213,55 +239,3 @@ def _keep_looks(tracks: TrackTable, others: TrackTable, ids: Mapping[int, int]) 
         track = by_id.get(ids.get(other.id, -1))
         if track is not None:
             track.buffer.keep_looks(other.buffer.pictures, (), other.buffer.embedding)
-
-
-def _with_edits(
-    tracks: TrackTable, sides: tuple[Side, Side], numbers: Mapping[int, int], config: EvidenceConfig
-) -> tuple[TrackTable, frozenset[int]]:
-    """Return tracks with all edits made by hand, and the ids of what was edited in both maps.
-
-    What has none of the evidence, such as objects drawn by hand, is added. A piece that people have
-    deleted in the second map stays if it is a part of another object by now.
-
-    Args:
-        tracks: the merged ones.
-        sides: both maps.
-        numbers: the ids of the second map's tracks in `tracks`, by their own; of those of one
-            object, the one with most of its evidence comes first.
-        config: of both.
-    """
-    mine, other = (_edited(side.tracks) for side in sides)
-    theirs: dict[int, int] = {}  # rows, by ids in `tracks`
-    whole = set[int]()
-    for own, number in numbers.items():
-        is_piece = number in whole
-        whole.add(number)
-        if own in other and not (is_piece and sides[1].tracks.objects[other[own]].is_deleted):
-            theirs.setdefault(number, other[own])
-    edited = {n: (sides[1].tracks, row) for n, row in theirs.items()}
-    edited |= {n: (sides[0].tracks, row) for n, row in mine.items()}
-    if not edited:
-        return tracks, frozenset()
-    present = {track.id: (tracks, row) for row, track in enumerate(tracks.objects)}
-    table, edits = TrackTable(config.max_existence), dict[int, HandEdit]()
-    for number, (source, row) in sorted((edited | present).items()):
-        track = renumbered(source.objects[row], number)
-        if source is not tracks:
-            track.co_occurrences = Counter()  # counted by other ids
-        low, high = source.shapes.heights[row].tolist()
-        existence, shape = source.existence.item(row), source.shapes.polygons[row]
-        table.add(track, 0, shape, (low, high), existence, source.missed(row))
-        if number in edited:
-            its, own_row = edited[number]
-            edit = renumbered(its.objects[own_row], number).by_hand
-            assert edit is not None
-            edits[number] = edit
-    table.next_id = max(table.next_id, tracks.next_id)
-    table = protected(table, edits, config)
-    table.first_id = table.next_id
-    return table, frozenset(mine.keys() & theirs.keys())
-
-
-def _edited(tracks: TrackTable) -> dict[int, int]:
-    """Return the rows of the tracks that people have edited, by their ids."""
-    return {t.id: row for row, t in enumerate(tracks.objects) if t.by_hand is not None}

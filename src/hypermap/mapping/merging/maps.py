@@ -2,59 +2,33 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
-
-from hypermap.alignment.frames import (
-    frames_of,
-    free_name,
-    in_frame_of,
-    with_frames_renamed,
-)
-from hypermap.core.errors import FormatError, FrameError
-from hypermap.core.frames import FrameTree, Pose2D
-from hypermap.core.grid import GridGeometry, along
-from hypermap.core.history import ADDED, Change, Mapped
+from hypermap.core.errors import FormatError
+from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
-from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.core.semantic import SemanticLayer
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import BETWEEN, Drive
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.frame_log import FrameLog, MapBefore
-from hypermap.mapping.going_on import (
-    SEMANTIC,
-    CannotGoOn,
-    edits_of,
-    layer_of_objects,
-    state_of,
-)
+from hypermap.mapping.going_on import CannotGoOn, edits_of, layer_of_objects, state_of
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.merging.again import MappedAgain, map_both_again
-from hypermap.mapping.merging.grids import added_layers, added_log_odds, log_odds_of
+from hypermap.mapping.merging.before import joined_before
+from hypermap.mapping.merging.grids import added_layers
+from hypermap.mapping.merging.layers import grid_of, merged_layers
 from hypermap.mapping.merging.logged import Side, in_order, kept_drives
 from hypermap.mapping.merging.moving import moved_tracks
 from hypermap.mapping.merging.settings import CannotMerge, common_config
-from hypermap.mapping.merging.tracks import IsFree, Joined, join_tracks
-from hypermap.mapping.second_look import SecondLook
-from hypermap.mapping.track_colors import objects_differ_in_color
+from hypermap.mapping.merging.source import merged_source
+from hypermap.mapping.merging.tracks import Joined
 from hypermap.mapping.tracks import TrackTable
 
-_Cells: TypeAlias = "tuple[NDArray[np.int64], NDArray[np.float32] | None]"
-"""The first cell, and the log-odds, as in `MapperState`."""
-
-_FREE = 0.9  # share of an area that must be free for it to contain no object
 _SAME_FRAMES = 0.01  # share of a map's frames; fewer have the same key by chance
 
 
@@ -108,47 +82,48 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
         FrameError: If the frames of both maps cannot be joined in one tree.
     """
     config, settings = common_config(first, second)
-    a, b = state_of(first, config), state_of(second, config)
-    _check_drives(a.drives, b.drives)
-    grids = _grid_of(first), _grid_of(second)
-    later = _later(a.drives, b.drives)
-    tracks = _tracks(second, b, config)
-    sides = (
-        Side(a, _tracks(first, a, config), Pose2D(), 0.0),
-        Side(b, moved_tracks(tracks, a_T_b, config.evidence, later), a_T_b, later),
-    )
+    sides = _sides(first, second, a_T_b, config)
+    grids = grid_of(first), grid_of(second)
     kept = len(sides[0].logged), len(sides[1].logged)
     if config.evidence.moves:  # otherwise, drives are not told apart
         kept = kept_drives(sides)
-    occupancy = _occupancy(a, grids, a_T_b)
-    made = _merged_sides(sides, kept, grids, config, occupancy)
-    drives = [drive for n, side in zip(kept, sides, strict=True) for drive in side.drives_before(n)]
-    drives += [side.in_time(d) for side, one in in_order(sides, kept) for d in one.drives]
-    state = MapperState(
-        tracks=made.joined.tracks,
-        keyframe=None,
-        first_cell=made.first_cell,
-        log_odds=made.log_odds,
-        drives=drives,
-        counts=a.counts + b.counts,
-        published=[],  # `Mapper.onto` publishes all
-        alignment=a.alignment,
-        log=() if _are_at_the_same_time(sides) else made.log,
-    )
-    others = _other_layers(first, second, a_T_b, skip={grids[1].name, SEMANTIC})
-    merged = Hypermap(
-        [*_layers_of(first, occupancy, second), *others.layers], others.frames, first.metadata
-    )
-    merged.mapper_state, merged.history = dump_state(state), first.history
+    # One that was made from depth is made of log-odds again.
+    is_given = sides[0].state.log_odds is None
+    occupancy = added_layers(*grids, a_T_b) if is_given else grids[0]
+    made = _mapped(sides, kept, grids, occupancy, config)
+    state = _state_of(sides, kept, made)
+    layers = merged_layers(first, second, a_T_b, occupancy)
+    merged = Hypermap(layers.layers, layers.frames, first.metadata)
+    kept_log = () if _are_at_the_same_time(sides) else state.log
+    merged.mapper_state, merged.history = dump_state(replace(state, log=kept_log)), first.history
     hypermap = Mapper.onto(merged, None).hypermap()
     assert hypermap.history is not None  # of a mapper's map
-    doubt = None
-    if _is_after(b, state):
-        doubt = _doubt(replace(state, log=made.log), len(b.drives), config, first, hypermap)
-    doubt = _doubt_of_both(first, doubt)
-    hypermap.history = replace(hypermap.history, mapped=_source(first, b.drives, doubt))
-    counted = _counted(hypermap, (first, second), made.joined, others.renamed)
-    return replace(counted, settings=settings)
+    source = merged_source(first, sides[1].state.drives, state, config, hypermap)
+    hypermap.history = replace(hypermap.history, mapped=source)
+    return _counted(hypermap, (first, second), made.joined, layers.renamed, settings)
+
+
+def _sides(
+    first: Hypermap, second: Hypermap, a_T_b: Pose2D, config: MappingConfig
+) -> tuple[Side, Side]:
+    """Return two maps with their tracks in the frame and the time of the merged one."""
+    a, b = state_of(first, config), state_of(second, config)
+    _check_drives(a.drives, b.drives)
+    later = _later(a.drives, b.drives)
+    theirs = moved_tracks(_tracks(second, b, config), a_T_b, config.evidence, later)
+    return Side(a, _tracks(first, a, config), Pose2D(), 0.0), Side(b, theirs, a_T_b, later)
+
+
+def _check_drives(first: Iterable[Drive], second: Iterable[Drive]) -> None:
+    """Raise a CannotMerge if both maps contain the same frames, which would count twice."""
+    for one in first:
+        for other in second:
+            same = len(set(one.keys) & set(other.keys))
+            if same > max(1, _SAME_FRAMES * min(len(one.keys), len(other.keys))):
+                raise CannotMerge(
+                    f"both maps contain {same} frames of the drive {other.name!r}, which would "
+                    "count twice; continue one of the maps with `hypermap map --onto` instead"
+                )
 
 
 def _later(first: Sequence[Drive], second: Sequence[Drive]) -> float:
@@ -166,145 +141,6 @@ def _later(first: Sequence[Drive], second: Sequence[Drive]) -> float:
     return max(end for _, end in mine) + BETWEEN - min(begin for begin, _ in theirs)
 
 
-def _are_at_the_same_time(sides: tuple[Side, Side]) -> bool:
-    """Return whether the stamps of a trajectory do not tell which map's frames it is of."""
-    mine, theirs = ([side.in_time(drive) for drive in side.state.drives] for side in sides)
-    pairs = itertools.product(mine, theirs)
-    return any(one.offset == other.offset and one.overlaps(other) for one, other in pairs)
-
-
-def _merged_sides(
-    sides: tuple[Side, Side],
-    kept: tuple[int, int],
-    grids: tuple[OccupancyLayer, OccupancyLayer],
-    config: MappingConfig,
-    occupancy: OccupancyLayer,
-) -> MappedAgain:
-    """Return two maps as one: joined as they were, then with all later frames mapped again."""
-    first, second = sides
-    tracks = _tracks_before(first, kept[0], config), _tracks_before(second, kept[1], config)
-    tracks[0].next_id = max(tracks[0].next_id, first.tracks.next_id)
-    is_free = (
-        _is_free(grids[0], Pose2D(), config.occupancy.free_below),
-        _is_free(grids[1], second.a_T_b.inverse(), config.occupancy.free_below),
-    )
-    joined = join_tracks(tracks[0], tracks[1], config.evidence, is_free)
-    cells = _cells_before(first, kept[0]), _cells_before(second, kept[1])
-    first_cell, log_odds = _added_cells(*cells, grids[1], second.a_T_b, config)
-    if not in_order(sides, kept):
-        return MappedAgain(joined, first_cell, log_odds, [])
-    base = MapBefore(joined.tracks, first_cell, log_odds)
-    known = partial(free_share, occupancy) if log_odds is None else None
-    try:
-        return map_both_again(sides, kept, base, joined, config, known)
-    except FormatError as error:
-        raise CannotGoOn(f"{error}; map all recordings again") from error
-
-
-def _tracks_before(side: Side, kept: int, config: MappingConfig) -> TrackTable:
-    """Return the tracks of a map before all but some of its logged drives, one per object.
-
-    What people had drawn by then, and have deleted since, is left out.
-    """
-    if kept == len(side.logged):
-        return side.tracks.snapshot()
-    evidence, before = EvidenceMap(config.evidence), side.logged[kept].parts[0].before.tracks
-    edited = side.tracks.hand_edits().keys()
-    edits = {number: edit for number, edit in before.hand_edits().items() if number in edited}
-    evidence.go_on_with(before.snapshot(), edits)
-    tracks = evidence.settled().snapshot()
-    return moved_tracks(tracks, side.a_T_b, config.evidence, side.later)
-
-
-def _cells_before(side: Side, kept: int) -> _Cells:
-    """Return the cells of a map before all but some of its logged drives."""
-    if kept == len(side.logged):
-        return side.state.first_cell, side.state.log_odds
-    before = side.logged[kept].parts[0].before
-    return before.first_cell, before.log_odds
-
-
-def _is_after(second: MapperState, merged: MapperState) -> bool:
-    """Return whether the drives of the second map are the last ones of the merged one."""
-    count = len(second.drives)
-    own = [drive.keys for drive in merged.drives[-count:]]
-    return count > 0 and own == [drive.keys for drive in second.drives]
-
-
-def _doubt(
-    state: MapperState, count: int, config: MappingConfig, first: Hypermap, merged: Hypermap
-) -> Callable[[Change], float]:
-    """Return how likely it is that what seems to have changed has not, given the last drives."""
-    layer = layer_of_objects(merged)
-    differ = partial(objects_differ_in_color, state.tracks.snapshot())
-    return SecondLook(
-        FrameLog(state.log),
-        state.drives,
-        config,
-        layer_of_objects(first),
-        [] if layer is None else layer.objects(),
-        differ,
-        count,
-    ).chance
-
-
-def _doubt_of_both(
-    first: Hypermap, doubt: Callable[[Change], float] | None
-) -> Callable[[Change], float] | None:
-    """Return the doubt about changes by drives merged with a map, and by those before, unsaved."""
-    if first.history is None or first.history.mapped is None:
-        return doubt
-    before, layer = first.history.mapped.doubt, layer_of_objects(first)
-    there = set() if layer is None else {item.id for item in layer}
-
-    def of_both(change: Change) -> float:
-        is_of_first = (change.object.id in there) == (change.kind == ADDED)
-        own = before if is_of_first else doubt
-        return 0.0 if own is None else own(change)
-
-    return of_both
-
-
-def _source(
-    first: Hypermap, drives: Iterable[Drive], doubt: Callable[[Change], float] | None
-) -> Mapped:
-    """Return what the changes come from, by the names and the last time of the second map's drives.
-
-    What was merged with the first map, and not saved since, counts, too, as do corrected poses.
-    """
-    before = None if first.history is None else first.history.mapped
-    sources = [] if before is None else [(before.drive, before.time)]
-    sources += [(drive.name, drive.time) for drive in drives]
-    times = [time for _, time in sources if time is not None]
-    names = ", ".join(name for name, _ in sources if name)
-    shifts = None if before is None else before.shifts
-    return Mapped(names, max(times, default=None), doubt, shifts)
-
-
-def _check_drives(first: Iterable[Drive], second: Iterable[Drive]) -> None:
-    """Raise a CannotMerge if both maps contain the same frames, which would count twice."""
-    for one in first:
-        for other in second:
-            same = len(set(one.keys) & set(other.keys))
-            if same > max(1, _SAME_FRAMES * min(len(one.keys), len(other.keys))):
-                raise CannotMerge(
-                    f"both maps contain {same} frames of the drive {other.name!r}, which would "
-                    "count twice; continue one of the maps with `hypermap map --onto` instead"
-                )
-
-
-def _grid_of(hypermap: Hypermap) -> OccupancyLayer:
-    """Return the occupancy layer that belongs to the objects: the first one."""
-    grids = (layer for layer in hypermap if isinstance(layer, OccupancyLayer))
-    layer = next(grids, OccupancyLayer("occupancy", hypermap.base_frame))
-    if layer.frame_id != hypermap.base_frame:
-        raise CannotMerge(
-            f"the occupancy layer {layer.name!r} is in {layer.frame_id!r}, not in the base frame "
-            f"{hypermap.base_frame!r}"
-        )
-    return layer
-
-
 def _tracks(hypermap: Hypermap, state: MapperState, config: MappingConfig) -> TrackTable:
     """Return the tracks of a map, with the edits made by hand."""
     evidence = EvidenceMap(config.evidence)
@@ -312,116 +148,57 @@ def _tracks(hypermap: Hypermap, state: MapperState, config: MappingConfig) -> Tr
     return evidence.settled().snapshot()
 
 
-def _is_free(grid: OccupancyLayer, grid_T_a: Pose2D, free_below: float) -> IsFree:
-    def is_free(area: BaseGeometry, bottom: float) -> bool:
-        # A cell is free if rays pass below a height: a table may be over it, with a cup on it.
-        return bottom < free_below and free_share(grid, grid_T_a.apply_geometry(area)) >= _FREE
-
-    return is_free
-
-
-def _occupancy(
-    state: MapperState, grids: tuple[OccupancyLayer, OccupancyLayer], a_T_b: Pose2D
-) -> OccupancyLayer:
-    """Return the merged occupancy layer; from log-odds if it was made from depth."""
-    if state.log_odds is not None:
-        return grids[0]
-    return added_layers(*grids, a_T_b)
-
-
-def _added_cells(
-    first: _Cells, second: _Cells, grid: OccupancyLayer, a_T_b: Pose2D, config: MappingConfig
-) -> _Cells:
-    """Return the cells of two maps; no log-odds if the first has none.
-
-    Args:
-        first: of one map.
-        second: of the other, whose log-odds are those of `grid` if it has none.
-        grid: the occupancy layer of the second map.
-        a_T_b: transforms points of the second map to the first.
-        config: of both.
-    """
-    other = None if first[1] is None else _log_odds_of(second, grid, config)
-    if first[1] is None or other is None:
-        return first
-    return added_log_odds(first[0], first[1], other, a_T_b, config.occupancy)
-
-
-def _log_odds_of(
-    cells: _Cells, grid: OccupancyLayer, config: MappingConfig
-) -> tuple[GridGeometry, NDArray[np.float32]] | None:
-    """Return the cells of a map as a grid and log-odds; None for none."""
-    (row, col), log_odds = cells[0].tolist(), cells[1]
-    if log_odds is None:
-        return None if grid.grid is None else (grid.grid, log_odds_of(grid))
-    if not log_odds.size:
-        return None
-    side = config.occupancy.resolution
-    height, width = log_odds.shape
-    origin = Pose2D(along(col, side), along(row, side))
-    return GridGeometry(width, height, side, origin), log_odds
-
-
-def _layers_of(first: Hypermap, occupancy: OccupancyLayer, second: Hypermap) -> list[Layer]:
-    """Return the first map's layers, with the given occupancy layer and an empty semantic one."""
-    layers: list[Layer] = []
-    for layer in first:
-        if isinstance(layer, SemanticLayer) and layer.name == SEMANTIC:
-            empty = SemanticLayer(layer.name, layer.frame_id)
-            empty.settings, empty.rejected = layer.settings, layer.rejected
-            layers.append(empty)
-        else:
-            layers.append(occupancy if layer.name == occupancy.name else layer)
-    if layer_of_objects(first) is None and layer_of_objects(second) is not None:
-        layers.append(SemanticLayer(SEMANTIC, first.base_frame))
-    return layers
-
-
-@dataclass(frozen=True, eq=False)
-class _Others:
-    """Layers of the second map that are kept unchanged, and the frames of both maps."""
-
-    layers: list[Layer]
-    frames: FrameTree
-    renamed: dict[str, str]
-
-
-def _other_layers(first: Hypermap, second: Hypermap, a_T_b: Pose2D, skip: set[str]) -> _Others:
-    kept = [layer for layer in second if layer.name not in skip]
-    if not kept:
-        return _Others([], first.frames, {})
-    base = first.base_frame
-    if second.base_frame == base or base not in frames_of(second):
-        second = in_frame_of(first, second, a_T_b)
-    known = frames_of(first)
-    taken = {*known, *frames_of(second)}
-    names = {}
-    for frame in sorted((known & frames_of(second)) - {base}):
-        names[frame] = free_name(frame, taken)
-        taken.add(names[frame])
-    second = with_frames_renamed(second, names)
+def _mapped(
+    sides: tuple[Side, Side],
+    kept: tuple[int, int],
+    grids: tuple[OccupancyLayer, OccupancyLayer],
+    occupancy: OccupancyLayer,
+    config: MappingConfig,
+) -> MappedAgain:
+    """Return two maps as one: joined as they were, then with all later frames mapped again."""
+    joined, base = joined_before(sides, kept, grids, config)
+    if not in_order(sides, kept):
+        return MappedAgain(joined, base.first_cell, base.log_odds, [])
+    is_free = partial(free_share, occupancy) if base.log_odds is None else None
     try:
-        frames = FrameTree([*first.frames, *second.frames])
-    except FrameError as error:
-        raise FrameError(f"the frames of the two maps do not fit together: {error}") from None
-    layers, renamed = [], {}
-    used = {layer.name for layer in first} | {SEMANTIC}
-    for layer in second:
-        if layer.name in skip:
-            continue
-        name = layer.name if layer.name not in used else free_name(layer.name, used)
-        used.add(name)
-        if name != layer.name:
-            renamed[layer.name] = name
-            layer = copy.copy(layer)
-            layer.name = name
-        layers.append(layer)
-    return _Others(layers, frames, renamed)
+        return map_both_again(sides, kept, base, joined, config, is_free)
+    except FormatError as error:
+        raise CannotGoOn(f"{error}; map all recordings again") from error
+
+
+def _state_of(sides: tuple[Side, Side], kept: tuple[int, int], made: MappedAgain) -> MapperState:
+    """Return the state from which mapping can continue, with the log of all frames in it."""
+    drives = [drive for n, side in zip(kept, sides, strict=True) for drive in side.drives_before(n)]
+    drives += [side.in_time(d) for side, one in in_order(sides, kept) for d in one.drives]
+    first, second = (side.state for side in sides)
+    return MapperState(
+        tracks=made.joined.tracks,
+        keyframe=None,
+        first_cell=made.first_cell,
+        log_odds=made.log_odds,
+        drives=drives,
+        counts=first.counts + second.counts,
+        published=[],  # `Mapper.onto` publishes all
+        alignment=first.alignment,
+        log=made.log,
+    )
+
+
+def _are_at_the_same_time(sides: tuple[Side, Side]) -> bool:
+    """Return whether the stamps of a trajectory do not tell which map's frames it is of."""
+    mine, theirs = ([side.in_time(drive) for drive in side.state.drives] for side in sides)
+    pairs = itertools.product(mine, theirs)
+    return any(one.offset == other.offset and one.overlaps(other) for one, other in pairs)
 
 
 def _counted(
-    hypermap: Hypermap, maps: tuple[Hypermap, Hypermap], joined: Joined, renamed: dict[str, str]
+    hypermap: Hypermap,
+    maps: tuple[Hypermap, Hypermap],
+    joined: Joined,
+    renamed: dict[str, str],
+    settings: tuple[str, ...],
 ) -> Merged:
+    """Return the merged map, with the numbers of objects that came from the two maps."""
     layers = [layer_of_objects(one) for one in maps]
     ids = [set() if layer is None else {item.id for item in layer} for layer in layers]
     made = layer_of_objects(hypermap)
@@ -437,4 +214,5 @@ def _counted(
         left_out=len(theirs - ids[0] - there),
         conflicts=tuple(sorted(joined.conflicts & there)),
         renamed=renamed,
+        settings=settings,
     )

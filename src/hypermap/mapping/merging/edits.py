@@ -1,0 +1,65 @@
+"""Edits made by hand to two maps, in the merged one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from hypermap.mapping.by_hand import HandEdit
+from hypermap.mapping.merging.logged import Side
+from hypermap.mapping.merging.moving import renumbered
+from hypermap.mapping.protection import protected
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.tracks import TrackTable
+
+
+def with_edits(
+    tracks: TrackTable, sides: tuple[Side, Side], numbers: Mapping[int, int], config: EvidenceConfig
+) -> tuple[TrackTable, frozenset[int]]:
+    """Return tracks with all edits made by hand, and the ids of what was edited in both maps.
+
+    What has none of the evidence, such as objects drawn by hand, is added. A piece that people have
+    deleted in the second map stays if it is a part of another object by now.
+
+    Args:
+        tracks: the merged ones.
+        sides: both maps.
+        numbers: the ids of the second map's tracks in `tracks`, by their own; of those of one
+            object, the one with most of its evidence comes first.
+        config: of both.
+    """
+    mine, other = (_edited(side.tracks) for side in sides)
+    theirs: dict[int, int] = {}  # rows, by ids in `tracks`
+    whole = set[int]()
+    for own, number in numbers.items():
+        is_piece = number in whole
+        whole.add(number)
+        if own in other and not (is_piece and sides[1].tracks.objects[other[own]].is_deleted):
+            theirs.setdefault(number, other[own])
+    edited = {n: (sides[1].tracks, row) for n, row in theirs.items()}
+    edited |= {n: (sides[0].tracks, row) for n, row in mine.items()}
+    if not edited:
+        return tracks, frozenset()
+    present = {track.id: (tracks, row) for row, track in enumerate(tracks.objects)}
+    table, edits = TrackTable(config.max_existence), dict[int, HandEdit]()
+    for number, (source, row) in sorted((edited | present).items()):
+        track = renumbered(source.objects[row], number)
+        if source is not tracks:
+            track.co_occurrences = Counter()  # counted by other ids
+        low, high = source.shapes.heights[row].tolist()
+        existence, shape = source.existence.item(row), source.shapes.polygons[row]
+        table.add(track, 0, shape, (low, high), existence, source.missed(row))
+        if number in edited:
+            its, own_row = edited[number]
+            edit = renumbered(its.objects[own_row], number).by_hand
+            assert edit is not None
+            edits[number] = edit
+    table.next_id = max(table.next_id, tracks.next_id)
+    table = protected(table, edits, config)
+    table.first_id = table.next_id
+    return table, frozenset(mine.keys() & theirs.keys())
+
+
+def _edited(tracks: TrackTable) -> dict[int, int]:
+    """Return the rows of the tracks that people have edited, by their ids."""
+    return {t.id: row for row, t in enumerate(tracks.objects) if t.by_hand is not None}
