@@ -155,6 +155,12 @@ def test_several_bags_that_are_not_parts_of_one_are_an_error(
     )
 
 
+def test_a_folder_with_an_empty_description_of_a_bag_alone_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").touch()
+    [problem] = open_recording(tmp_path).info().missing
+    assert problem == f"{tmp_path}: there is an empty metadata.yaml, but no file of a bag"
+
+
 @pytest.mark.parametrize(
     ("right", "wrong", "reason"),
     [

@@ -167,6 +167,77 @@ def test_parts_of_a_bag_of_which_the_last_was_cut_off_are_read(tmp_path: Path) -
     assert len(list(open_recording(folder).frames())) == len(SHOTS)
 
 
+@pytest.mark.parametrize("size", [0, 13, 900])
+def test_a_last_part_in_which_nothing_was_written_is_left_out(
+    tmp_path: Path, kind: str, size: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    first = write(tmp_path, kind, "first")
+    parts = [folder / f"drive_{number}{first.suffix}" for number in range(2)]
+    parts[0].write_bytes(first.read_bytes())
+    parts[1].write_bytes(first.read_bytes()[:size])
+    recording = open_recording(folder)
+    assert len(list(recording.frames())) == len(SHOTS)
+    [note] = [note for note in recording.info().notes if "left out" in note]
+    assert note.startswith(f"{parts[1].name} is left out: the bag cannot be read (")
+    assert caplog.messages.count(f"{folder}: {note}") == 1
+    parts[0].write_bytes(first.read_bytes()[:size])
+    parts[1].write_bytes(first.read_bytes())
+    [problem] = open_recording(folder).info().missing
+    assert problem.startswith(f"{parts[0]}: the bag cannot be read (")
+
+
+def test_a_last_part_that_may_not_be_read_is_an_error(
+    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    file = write(tmp_path, kind)
+    parts = [shutil.copy(file, folder / f"drive_{number}{file.suffix}") for number in range(2)]
+    open_file = Path.open
+
+    def may_not_open(path: Path, *args: Any) -> Any:  # root may read everything
+        if path == parts[1]:
+            raise PermissionError(13, "Permission denied", str(path))
+        return open_file(path, *args)
+
+    monkeypatch.setattr(Path, "open", may_not_open)
+    [problem] = open_recording(folder).info().missing
+    assert problem == f"{parts[1]}: the bag cannot be read (Permission denied)"
+
+
+@pytest.mark.parametrize("size", [4, 200])
+def test_a_damaged_chunk_of_a_bag_that_has_its_index_is_left_out(tmp_path: Path, size: int) -> None:
+    path = write(tmp_path, "ros1")
+    content = bytearray(path.read_bytes())
+    at = -1
+    for _ in range(len(SHOTS) // 2):
+        at = content.index(b"compression=", at + 1)
+    content[at : at + size] = b"\xff" * size
+    path.write_bytes(content)
+    recording = open_recording(path)
+    stamps = [frame.stamp for frame in recording.frames()]
+    kept = [shot.stamp / 1e9 for shot in SHOTS if shot is not SHOTS[len(SHOTS) // 2 - 2]]
+    assert stamps == pytest.approx(kept, abs=1e-6)
+    [note] = [note for note in recording.info().notes if "damaged" in note]
+    assert note == "the bag is damaged: 4 messages in 1 of its 13 chunks cannot be read"
+    [depth] = [stream for stream in recording.info().streams if stream.name == DEPTH]
+    assert depth.count == len(SHOTS) - 1
+
+
+@pytest.mark.parametrize(("lost", "zeros"), [(8, 0), (0, 4096)])
+def test_a_file_that_is_damaged_after_its_messages_is_read_as_whole(
+    tmp_path: Path, lost: int, zeros: int
+) -> None:
+    path = write(tmp_path, "mcap")
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) - lost] + bytes(zeros))
+    recording = open_recording(path)
+    assert len(list(recording.frames())) == len(SHOTS)
+    assert "the bag is damaged, but only after its 51 messages" in recording.info().notes
+
+
 @pytest.mark.parametrize("kind", ["db3", "mcap"])
 def test_the_messages_of_a_folder_are_counted_in_its_files(tmp_path: Path, kind: str) -> None:
     path = write(tmp_path, kind)
@@ -217,6 +288,36 @@ def test_newest_messages_that_sqlite_left_in_a_log_are_told(tmp_path: Path) -> N
         database.execute("SELECT count(*) FROM topics").fetchall()
     assert not any("newest" in note for note in open_recording(copy).info().notes)
     assert sum(stream.count for stream in open_recording(copy).info().streams) == 30
+
+
+def test_a_change_of_a_database_that_was_cut_off_is_told(tmp_path: Path) -> None:
+    path = write(tmp_path, "db3")
+    copy = path.parent / "copy.db3"
+    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+        database.execute("PRAGMA cache_size = 1")  # so that pages are written before the commit
+        database.execute("BEGIN")
+        database.execute("UPDATE messages SET data = zeroblob(5000)")
+        for ending in ("", "-journal"):
+            shutil.copy(f"{path}{ending}", f"{copy}{ending}")
+        database.execute("ROLLBACK")
+    notes = [note for note in open_recording(copy).info().notes if "journal" in note]
+    assert notes == [
+        "the bag may be damaged, because its last change was cut off: "
+        f"`sqlite3 {copy} 'SELECT count(*) FROM topics'` undoes this change by copy.db3-journal"
+    ]
+    with closing(sqlite3.connect(copy)) as database:  # as this command does
+        database.execute("SELECT count(*) FROM topics").fetchall()
+    assert len(list(open_recording(copy).frames())) == len(SHOTS)
+    assert not any("journal" in note for note in open_recording(copy).info().notes)
+
+
+@pytest.mark.parametrize(("log", "size"), [("wal", 0), ("journal", 0), ("journal", 512)])
+def test_a_log_of_which_all_is_in_the_database_is_not_told(
+    tmp_path: Path, log: str, size: int
+) -> None:
+    path = write(tmp_path, "db3")
+    Path(f"{path}-{log}").write_bytes(bytes(size))  # as SQLite leaves it after a commit
+    assert not any(log in note for note in open_recording(path).info().notes)
 
 
 def test_a_database_that_is_all_in_its_log_is_an_error_with_a_remedy(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """Readers of bags that end early: the robot lost its power, or a copy broke off.
 
 A bag's index comes last, and rosbags reads no bag without it. Here, each format is read as far as
-it goes, and a reader's `cut_off` says how far that is. What comes after the first damage is lost.
+it goes, and a reader's `cut_off` says how far that is. What comes after the first damage is lost,
+but for the chunks of a ROS 1 bag that has its index.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import apsw
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Connection
 from rosbags.rosbag1.reader import (
+    Chunk,
     Header,
     IndexData,
     RecordType,
@@ -37,7 +39,9 @@ from hypermap.text import counted
 
 _MAGIC = b"#ROSBAG V2.0\n"
 _MCAP_HEAD = 9  # bytes before a record: opcode, length
+_JOURNAL = bytes.fromhex("d9d505f920a163d7")  # of a change that is not finished
 _MCAP_ENDS = (0x00, 0x02, 0x0F)  # opcodes: zeros that a file system left, the footer, data's end
+_MCAP_DATA_END = b"\x0f\x04" + bytes(7)
 
 
 def cut_off_in(reader: rosbag1.Reader | rosbag2.Reader, name: str) -> list[str]:
@@ -58,10 +62,15 @@ class Ros1Reader(rosbag1.Reader):
 
     cut_off = ""
 
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._damaged: set[int] = set()  # positions of chunks
+
     def open(self) -> None:
         """Open the bag, as far as it goes."""
         try:
             super().open()
+            self._leave_out_damaged()
         except Exception:  # of many kinds
             self.bio = self.path.open("rb")
             try:
@@ -71,6 +80,46 @@ class Ros1Reader(rosbag1.Reader):
                     self.close()
             if not self.cut_off:
                 raise
+
+    def read_chunk(self) -> Chunk:
+        """Return the chunk here; if it is damaged, its index is looked for where it is not."""
+        assert self.bio is not None
+        try:
+            return super().read_chunk()
+        except Exception:
+            if not self.chunk_infos:
+                raise
+            return Chunk(0, self.bio.seek(0, os.SEEK_END), bytes)
+
+    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
+        """Add the entries of an index; of a bag with an index of chunks, note what is damaged."""
+        try:
+            super().read_index_data(pos, indexes)
+        except Exception:
+            if not self.chunk_infos:
+                raise
+            self._damaged.add(pos)
+            if len(self._damaged) == len(self.chunk_infos):
+                raise
+
+    def _leave_out_damaged(self) -> None:
+        infos = [info for info in self.chunk_infos if info.pos in self._damaged]
+        if not infos:
+            return
+        for index in self.indexes.values():
+            index[:] = [entry for entry in index if entry.chunk_pos not in self._damaged]
+        self._count()
+        lost = sum(sum(info.connection_counts.values()) for info in infos)
+        self.cut_off = (
+            f"is damaged: {counted(lost, 'message')} in {len(infos)} of its "
+            f"{counted(len(self.chunk_infos), 'chunk')} cannot be read"
+        )
+
+    def _count(self) -> None:
+        self.connections = [
+            connection._replace(msgcount=len(self.indexes[connection.id]))
+            for connection in self.connections
+        ]
 
     def _open_cut_off(self) -> None:
         assert self.bio is not None
@@ -102,10 +151,8 @@ class Ros1Reader(rosbag1.Reader):
             if not indexes.keys() <= connections.keys():
                 connections = self._contents(start)[0] | connections
         self.indexes = {number: sorted(indexes[number]) for number in connections}
-        self.connections = [
-            connection._replace(msgcount=len(self.indexes[number]))
-            for number, connection in sorted(connections.items())
-        ]
+        self.connections = [connection for _, connection in sorted(connections.items())]
+        self._count()
         times = [entry.time for index in self.indexes.values() for entry in index]
         self.cut_off = _told(len(times), times, unread=size - end, missing=expected - size)
 
@@ -163,6 +210,7 @@ class _McapReader(McapReader):
     def _open_cut_off(self) -> None:
         assert self.bio is not None
         ends, size = array("q", [self.data_start]), self.bio.seek(0, os.SEEK_END)
+        head = b""
         while ends[-1] < size:
             self.bio.seek(ends[-1])
             head = self.bio.read(_MCAP_HEAD)
@@ -171,16 +219,21 @@ class _McapReader(McapReader):
                 break
             ends.append(end)
         self.data_end = ends[-1]
+        is_whole = head == _MCAP_DATA_END
         try:
             self._scan()
         except Exception:  # that record is damaged, such as a chunk of zeros
+            is_whole = False
             self.data_end = ends[max(bisect_left(ends, self.bio.tell()) - 1, 0)]
             self._scan()
         assert self.statistics is not None
         counts = self.statistics.channel_message_counts
         self.connections = [c._replace(msgcount=counts.get(c.id, 0)) for c in self.connections]
         times = self.statistics.start_time, self.statistics.end_time
-        self.cut_off = _told(self.statistics.message_count, times, unread=size - self.data_end)
+        count = self.statistics.message_count
+        self.cut_off = _told(count, times, unread=size - self.data_end)
+        if self.cut_off and is_whole:
+            self.cut_off = f"is damaged, but only after its {counted(count, 'message')}"
 
     def _scan(self) -> None:
         self.schemas.clear()
@@ -307,12 +360,19 @@ def log_of(path: Path) -> str:
     """Return what is to be said of a database beside which SQLite has left a log; "" if it has not.
 
     Such is the case where a recording with `--storage-preset-profile resilient` was cut off.
+    Source: SQLite's format, on the rollback journal and the write-ahead log.
     """
-    for log in (Path(f"{path}-wal"), Path(f"{path}-journal")):
-        if log.is_file() and log.stat().st_size:
+    remedy = f"`sqlite3 {shlex.quote(str(path))} 'SELECT count(*) FROM topics'`"
+    wal, journal = Path(f"{path}-wal"), Path(f"{path}-journal")
+    if wal.is_file() and wal.stat().st_size:
+        return f"does not contain its newest messages, which are in {wal.name}: {remedy} adds them"
+    if journal.is_file():
+        with journal.open("rb") as file:
+            is_open = file.read(len(_JOURNAL)) == _JOURNAL
+        if is_open:
             return (
-                f"does not contain its newest messages, which are in {log.name}: `sqlite3 "
-                f"{shlex.quote(str(path))} 'SELECT count(*) FROM topics'` adds them"
+                "may be damaged, because its last change was cut off: "
+                f"{remedy} undoes this change by {journal.name}"
             )
     return ""
 

@@ -64,6 +64,19 @@ class Topic:
     count: int
 
 
+class _Unreadable(FormatError):
+    """Nothing can be read of a bag."""
+
+
+@dataclass(frozen=True)
+class _Contents:
+    """The files of a bag that can be read, their topics, and a sentence for each loss."""
+
+    parts: list[Path]
+    topics: list[Topic]
+    cut_off: list[str]
+
+
 class BagFile:
     """A ROS 1 bag, a ROS 2 bag's folder, one of its files, or a folder of a bag's parts.
 
@@ -80,35 +93,23 @@ class BagFile:
         is_ros1 = is_ros1_bag(self.path) or any(self.path.glob("*.bag"))
         return "ROS 1 bag" if is_ros1 else "ROS 2 bag"
 
-    @cached_property
+    @property
     def topics(self) -> list[Topic]:
         """All topics, by name.
 
         Raises:
             FormatError: If the bag cannot be read.
         """
-        counts: dict[tuple[str, str], int] = {}
-        for part in self._parts:
-            with _open(part) as reader:
-                for connection in reader.connections:
-                    key = connection.topic, connection.msgtype
-                    if not all(isinstance(text, str) for text in key):  # NULL in SQLite
-                        raise FormatError("has a topic without a name or a type")
-                    counts[key] = counts.get(key, 0) + connection.msgcount
-        return [Topic(name, kind, counts[name, kind]) for name, kind in sorted(counts)]
+        return self._contents.topics
 
-    @cached_property
+    @property
     def cut_off(self) -> list[str]:
-        """A sentence for each file that ends early, or is read only in part.
+        """A sentence for each file that ends early, or is read only in part or not at all.
 
         Raises:
             FormatError: If the bag cannot be read.
         """
-        notes = []
-        for part in self._parts:
-            with _open(part) as reader:
-                notes += cut_off_in(reader, "the bag" if len(self._parts) == 1 else part.name)
-        return notes
+        return self._contents.cut_off
 
     def messages(
         self,
@@ -129,7 +130,7 @@ class BagFile:
         Raises:
             FormatError: If the bag cannot be read, or, without `on_damaged`, a message.
         """
-        for part in self._parts:
+        for part in self._contents.parts:
             with _open(part) as reader:
                 wanted = [c for c in reader.connections if c.topic in names]
                 if not wanted:
@@ -148,8 +149,20 @@ class BagFile:
                     yield connection.topic, log_time, message
 
     @cached_property
-    def _parts(self) -> list[Path]:
-        return parts_of(self.path)
+    def _contents(self) -> _Contents:
+        parts = parts_of(self.path)
+        counts: dict[tuple[str, str], int] = {}
+        if len(parts) == 1:
+            cut_off = _counted_in(parts[0], "the bag", counts)
+        else:
+            cut_off = [note for part in parts[:-1] for note in _counted_in(part, part.name, counts)]
+            try:
+                cut_off += _counted_in(parts[-1], parts[-1].name, counts)
+            except _Unreadable as error:  # cut off before anything was written to it
+                last = parts.pop()
+                cut_off.append(f"{last.name} is left out: {str(error).removeprefix(f'{last}: ')}")
+        topics = [Topic(name, kind, counts[name, kind]) for name, kind in sorted(counts)]
+        return _Contents(parts, topics, cut_off)
 
     def _decode(self, part: Path, connection: Connection, data: bytes) -> Any:
         key = connection.msgtype, connection.msgdef.data
@@ -167,12 +180,25 @@ class BagFile:
             raise DamagedMessage(f"a message is damaged: {error}", key=connection.topic) from None
 
 
+def _counted_in(part: Path, name: str, counts: dict[tuple[str, str], int]) -> list[str]:
+    """Add the messages of each topic and type of a file; return what `cut_off_in` does."""
+    with _open(part) as reader:
+        for connection in reader.connections:
+            key = connection.topic, connection.msgtype
+            if not all(isinstance(text, str) for text in key):  # NULL in SQLite
+                raise FormatError("has a topic without a name or a type")
+            counts[key] = counts.get(key, 0) + connection.msgcount
+        return cut_off_in(reader, name)
+
+
 @contextmanager
 def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
     """Yield an open reader; attribute any error inside to the bag."""
     reader: rosbag1.Reader | rosbag2.Reader
     try:
         check_files(path)
+        if path.is_file():
+            path.open("rb").close()  # rosbags does not say whether it may be read
         _check_metadata(path / "metadata.yaml")
         reader = Ros1Reader(path) if is_ros1_bag(path) else Ros2Reader(path)
         with bounded_databases():
@@ -183,6 +209,8 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
             reader.close()
     except HypermapError as error:
         raise FormatError(str(error), path=path) from None
+    except PermissionError as error:
+        raise FormatError(f"the bag cannot be read ({error.strerror})", path=path) from None
     except Exception as error:
         # rosbags reports damage by errors of many kinds: its own, struct's, zlib's, SQLite's.
         for file in (path, *sorted(path.glob("*"))):
@@ -197,8 +225,8 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
                 path=path,
             ) from error
         if log := log_of(path):
-            raise FormatError(f"the bag cannot be read ({detail}); it {log}", path=path) from error
-        raise FormatError(
+            raise _Unreadable(f"the bag cannot be read ({detail}); it {log}", path=path) from error
+        raise _Unreadable(
             f"the bag cannot be read ({detail}); if its recording was cut off, "
             f"`{repair}` may repair it",
             path=path,

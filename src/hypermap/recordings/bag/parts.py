@@ -25,13 +25,15 @@ def parts_of(path: Path) -> list[Path]:
     unless the recording was cut off.
 
     Raises:
-        FormatError: If a folder holds several bags that are not parts of one.
+        FormatError: If a folder holds no bag, or several that are not parts of one.
     """
     metadata = path / "metadata.yaml"
     is_empty = metadata.is_file() and metadata.stat().st_size == 0  # as after a loss of power
     if path.is_file() or (metadata.exists() and not is_empty):
         return [path]
     files = sorted(file for file in path.iterdir() if file.suffix in ENDINGS)
+    if not files:
+        raise FormatError("there is an empty metadata.yaml, but no file of a bag", path=path)
     if len(files) == 1:
         return files
     parts = {int(match["number"]): file for file, match in _matches(files)}
