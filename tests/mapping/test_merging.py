@@ -397,8 +397,25 @@ def test_a_trajectory_of_one_robot_does_not_move_what_another_has_seen_at_the_sa
     mapper = Mapper.onto(merged.hypermap, SOURCE)
     stamps = np.array([shot.stamp + monday for shot in shots[::2]])
     poses = np.array([shot.map_T_camera for shot in shots[::2]])
-    with pytest.raises(CannotCorrect, match="of no frame"):
+    with pytest.raises(CannotCorrect, match="stamps do not tell which the poses are of"):
         mapper.correct(trajectory_of(stamps, poses))
+
+
+def test_a_map_of_two_robots_at_the_same_time_is_merged_like_that_of_one_drive(
+    tmp_path: Path,
+) -> None:
+    monday, shots = 19_000 * DAY, frames(*MOVED)
+    earlier = mapped(frames(*ALL), later=monday)
+    robots = [mapped(shots[begin::2], later=monday + DAY) for begin in (0, 1)]
+    both = changed(merge_maps(*robots, HERE).hypermap, tmp_path / "both.hmap")
+    for first, second in ((earlier, both), (both, earlier)):
+        merged = merge_maps(first, second, HERE)
+        assert (merged.both, merged.first, merged.second, merged.gone) == (3, 0, 0, 0)
+        found = objects_of(merged.hypermap)
+        assert found["chair"].id == objects_of(first)["chair"].id
+        assert centroid(found["chair"]) == pytest.approx((2.3, 0.9), abs=0.15)
+    mapper = Mapper.onto(changed(both, tmp_path / "again.hmap"), SOURCE)
+    assert len(mapper.logged_poses()[0]) == 0
 
 
 def test_poses_of_a_merged_map_can_be_corrected(tmp_path: Path) -> None:

@@ -115,12 +115,17 @@ def corrected_poses(
     """
     stamps, poses = log.stamps, log.poses
     begin, end = float(trajectory.stamps[0]), float(trajectory.stamps[-1])
-    is_covered = trajectory.covers(stamps)
-    is_covered &= can_be_corrected(log, drives)
+    can_be, is_covered = can_be_corrected(log, drives), trajectory.covers(stamps)
+    if is_covered.any() and not (is_covered & can_be).any():
+        raise CannotCorrect(
+            f"several drives have frames from {begin:.6f} to {end:.6f} s, and stamps do not tell "
+            "which the poses are of; correct the map of one drive before it is merged or continued"
+        )
+    is_covered &= can_be
     rows_of = rows_of_drives(len(stamps), drives)
     if is_under_way and is_covered.any():
         is_covered[rows_of[-1]] = True
-    is_near = _are_near_a_pose(stamps, trajectory) & can_be_corrected(log, drives)
+    is_near = _are_near_a_pose(stamps, trajectory) & can_be
     for drive, rows in zip(drives, rows_of, strict=True):
         if is_covered[rows].any():
             is_covered[rows] |= is_near[rows]
@@ -164,12 +169,15 @@ def _are_near_a_pose(stamps: NDArray[np.float64], trajectory: Trajectory) -> NDA
 def can_be_corrected(log: FrameLog, drives: Sequence[Drive]) -> NDArray[np.bool_]:
     """Return which logged frames a trajectory can move, shape (N,).
 
-    Its stamps do not tell drives apart whose clocks began again: of these, it is of the newest.
+    Its stamps do not tell drives apart whose clocks began again: of these, it is of the newest. Of
+    those of two robots at the same time, it is of none.
     """
     found = np.ones(len(log.frames), dtype=bool)
     for number, rows in enumerate(rows_of_drives(len(found), drives)):
         drive, later = drives[number], drives[number + 1 :]
-        found[rows] = not any(drive.overlaps(o) and drive.offset != o.offset for o in later)
+        found[rows] = not (
+            drive.is_beside or any(drive.overlaps(o) and drive.offset != o.offset for o in later)
+        )
     return found
 
 

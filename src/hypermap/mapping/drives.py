@@ -48,6 +48,8 @@ class Drive:
         offset: from the recording's stamps to the map's time [s].
         start: pose of the camera in its first mapped frame, row by row [m]; empty where the drive
             comes from a file.
+        is_beside: whether another robot has driven at the same time, so that the stamps of poses do
+            not tell which drive's they are.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Drive:
     keys: list[int] = field(default_factory=list)
     offset: float = 0.0
     start: tuple[float, ...] = field(default=(), compare=False)
+    is_beside: bool = False
 
     def add(self, frame: RgbdFrame) -> None:
         """Add a mapped frame."""
@@ -178,6 +181,7 @@ def packed(drives: list[Drive]) -> tuple[list[dict[str, Any]], NDArray[np.uint32
     facts = [
         {"name": d.name, "first": d.first, "last": d.last, "frames": len(d.keys)}
         | ({"offset": d.offset} if d.offset else {})
+        | ({"is_beside": True} if d.is_beside else {})
         for d in known
     ]
     return facts, np.array([key for drive in known for key in drive.keys], np.uint32)
@@ -196,6 +200,7 @@ def unpacked(facts: list[dict[str, Any]], keys: NDArray[np.uint32]) -> tuple[Dri
             float(one["last"]),
             keys[a:b].tolist(),
             float(one.get("offset", 0)),
+            is_beside=bool(one.get("is_beside", False)),
         )
         for one, a, b in zip(facts, ends[:-1], ends[1:], strict=True)
     )

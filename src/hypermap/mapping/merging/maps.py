@@ -94,8 +94,7 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     state = _state_of(sides, kept, made)
     layers = merged_layers(first, second, a_T_b, occupancy)
     merged = Hypermap(layers.layers, layers.frames, first.metadata)
-    kept_log = () if _are_at_the_same_time(sides) else state.log
-    merged.mapper_state, merged.history = dump_state(replace(state, log=kept_log)), first.history
+    merged.mapper_state, merged.history = dump_state(state), first.history
     hypermap = Mapper.onto(merged, None).hypermap()
     assert hypermap.history is not None  # of a mapper's map
     source = merged_source(first, sides[1].state.drives, state, config, hypermap)
@@ -176,7 +175,7 @@ def _state_of(sides: tuple[Side, Side], kept: tuple[int, int], made: MappedAgain
         keyframe=None,
         first_cell=made.first_cell,
         log_odds=made.log_odds,
-        drives=drives,
+        drives=_marked(drives, sides),
         counts=first.counts + second.counts,
         published=[],  # `Mapper.onto` publishes all
         alignment=first.alignment,
@@ -184,11 +183,17 @@ def _state_of(sides: tuple[Side, Side], kept: tuple[int, int], made: MappedAgain
     )
 
 
-def _are_at_the_same_time(sides: tuple[Side, Side]) -> bool:
-    """Return whether the stamps of a trajectory do not tell which map's frames it is of."""
+def _marked(drives: Iterable[Drive], sides: tuple[Side, Side]) -> list[Drive]:
+    """Return the drives of both maps; those at the same time as one of the other map are marked."""
     mine, theirs = ([side.in_time(drive) for drive in side.state.drives] for side in sides)
     pairs = itertools.product(mine, theirs)
-    return any(one.offset == other.offset and one.overlaps(other) for one, other in pairs)
+    beside = [
+        drive.keys
+        for one, other in pairs
+        if one.offset == other.offset and one.overlaps(other)
+        for drive in (one, other)
+    ]
+    return [replace(d, is_beside=True) if d.keys in beside else d for d in drives]
 
 
 def _counted(
