@@ -1,4 +1,4 @@
-"""Two drives through rooms that change at random: what joins them loses and doubles nothing."""
+"""What a drive has found is joined to what earlier ones knew: nothing is lost, or there twice."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.track_arrays import packed_tables, unpacked_tables
 
-from .evidence_tools import DEFAULT, only, seen, square
-
-DAY = 86_400.0
+from .evidence_tools import DAY, DEFAULT, only, seen, square
 
 places = st.tuples(st.integers(-8, 8), st.integers(-8, 8)).map(lambda at: (at[0] / 2, at[1] / 2))
 frames = st.lists(places, max_size=5, unique=True)
@@ -191,3 +189,41 @@ def test_what_no_new_frame_shows_is_not_joined_anew() -> None:
     assert after.shapes.polygons[0] is before.shapes.polygons[0]
     assert after.shapes.polygons[1] is not before.shapes.polygons[1]
     assert before.objects[1].buffer.count == 12
+
+
+def test_nothing_is_decided_before_the_next_drive_begins() -> None:
+    """A chair seems to be new, until its old place is seen, too; the tracks are kept apart."""
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(6):
+        evidence.update(seen(square(3), area=shapely.box(0, -10, 10, 10), stamp=DAY + second))
+    seen_so_far = [item.id for item in evidence.objects()]
+    assert len(seen_so_far) == 2
+    assert len(evidence.tracks().objects) == 2
+    for second in range(6, 60):
+        evidence.update(seen(square(3), stamp=DAY + second))
+    assert only(evidence).id == 0
+    assert len(evidence.tracks().objects) == 2
+    evidence.update(seen(square(3), stamp=2 * DAY))
+    (known, *_) = evidence.tracks().objects
+    assert (known.id, known.moved_since) == (0, DAY)
+
+
+def test_a_drive_that_goes_on_after_a_break_gives_the_same_map() -> None:
+    whole, parts = EvidenceMap(DEFAULT), EvidenceMap(DEFAULT)
+    for evidence in (whole, parts):
+        for second in range(6):
+            evidence.update(seen(square(-3), square(0, 3), stamp=second))
+    for second in range(40):
+        for evidence in (whole, parts):
+            evidence.update(seen(square(3), square(0.1, 3), stamp=DAY + second))
+        saved = unpacked_tables(packed_tables(parts.tracks()), DEFAULT)[0]
+        parts = EvidenceMap(DEFAULT)
+        parts.go_on_with(saved)
+    one, other = (
+        [(o.id, o.footprint.wkb, o.existence, o.attributes) for o in each.objects()]
+        for each in (whole, parts)
+    )
+    assert [number for number, *_ in one] == [0, 1]
+    assert one == other

@@ -19,11 +19,20 @@ from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import evidence_from
 from hypermap.mapping.missed_detections import penalize_missed
 from hypermap.mapping.tracks import TrackTable
-from hypermap.perception.depth_view import DepthView
-from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
 
-from .evidence_tools import DEFAULT, NOWHERE, only, published_all, seen, square
+from .evidence_tools import (
+    CHAIR,
+    DAY,
+    DEFAULT,
+    NOWHERE,
+    level,
+    only,
+    published_all,
+    seen,
+    square,
+    viewed,
+)
 
 
 def tracks(evidence: EvidenceMap) -> list[SemanticObject]:
@@ -31,19 +40,6 @@ def tracks(evidence: EvidenceMap) -> list[SemanticObject]:
     return evidence.objects({number for number, *_ in evidence.summary()})
 
 
-def level(depth: float, x: float = 0.0) -> DepthView:
-    """What a camera one meter high sees that looks along the map's x axis at a wall."""
-    camera = Camera.from_intrinsics(262.5, 262.5, 159.5, 119.5, 320, 240)
-    pose = np.array([[0, 0, 1, x], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1.0]])
-    image = np.full((240, 320), depth, dtype=np.float32)
-    return DepthView.of(RgbdFrame(0.0, image, camera, pose))
-
-
-def viewed(observation: Observation, view: DepthView) -> Observation:
-    return dataclasses.replace(observation, map_T_camera=view.map_T_camera, view=view)
-
-
-CHAIR = shapely.box(1.8, -0.25, 2.3, 0.25)
 LEAKS = [square(2.05, 0, side=side) for side in (0.2, 0.3, 1.2)]  # one place, but not one shape
 
 
@@ -249,7 +245,7 @@ def test_a_cup_that_another_drive_sees_from_as_far_as_before_is_told_to_have_mov
     cup, elsewhere = square(3.0, -1.5, side=0.08), square(3.0, 1.5, side=0.08)
     for day, (place, depth) in enumerate([(cup, 2.95), (elsewhere, 6.0)]):
         for k in range(9):
-            observation = seen(place, name="cup", stamp=86_400.0 * day + k, bottom=0.95, top=1.05)
+            observation = seen(place, name="cup", stamp=DAY * day + k, bottom=0.95, top=1.05)
             evidence.update(viewed(observation, level(depth)))
     found = only(evidence)
     assert found.id == 0
@@ -266,7 +262,7 @@ def test_a_curtain_that_is_not_found_before_its_wall_is_gone_and_not_a_cupboard(
     for k in range(9):
         evidence.update(viewed(seen(thing, name="thing", stamp=float(k)), level(2.0)))
     for k in range(9):  # rays end as near as before: at the wall, or at the cupboard
-        evidence.update(viewed(seen(name="thing", stamp=86_400.0 + k), level(2.05)))
+        evidence.update(viewed(seen(name="thing", stamp=DAY + k), level(2.05)))
     assert len(evidence) == is_there
 
 
@@ -277,6 +273,6 @@ def test_a_second_track_of_a_curtain_that_stayed_is_not_another_one_that_was_mov
     for k in range(12):
         evidence.update(viewed(seen(gone, kept, name="curtain", stamp=float(k)), level(3.0)))
     for k in range(12):  # poses put it to two places
-        item = seen([kept, double][k % 2], name="curtain", stamp=86_400.0 + k)
+        item = seen([kept, double][k % 2], name="curtain", stamp=DAY + k)
         evidence.update(viewed(item, level(3.0)))
     assert not any("moved" in item.attributes for item in evidence.objects() if item.id == 0)

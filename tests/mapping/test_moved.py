@@ -1,601 +1,181 @@
-"""Objects that are moved keep their ids, within a drive and from one to the next."""
+"""Objects that are moved while a drive goes on keep their ids."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 
-import numpy as np
 import pytest
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.semantic import SemanticObject
-from hypermap.history.differences import is_said_to_have_moved
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.track_arrays import packed_tables, unpacked_tables
 
 from .evidence_tools import DEFAULT, NOWHERE, ROOM, THESIS, only, seen, square
-from .test_evidence_in_rooms import CHAIR, level, viewed
 
-DAY = 86_400.0
 RIGHT = shapely.box(0, -10, 10, 10)
+BUILDING = shapely.box(-20, -20, 20, 20)
 LEFT = shapely.box(-10, -10, 0, 10)
 """Where the chair stands first, at (-3, 0); from here it comes to (3, 0)."""
+
+
+def look(
+    evidence: EvidenceMap,
+    stamps: Iterable[float],
+    *shapes: BaseGeometry,
+    area: BaseGeometry = ROOM,
+    name: str = "chair",
+    top: float = 0.9,
+) -> None:
+    """Add frames with these stamps that all show the same."""
+    for stamp in stamps:
+        evidence.update(seen(*shapes, area=area, name=name, top=top, stamp=stamp))
 
 
 def after_a_move(
     config: EvidenceConfig = DEFAULT,
     *,
-    other_area: shapely.Polygon = ROOM,
+    before: int = 6,
+    first_area: shapely.Polygon = ROOM,
     other: shapely.Polygon | None = None,
     name: str = "chair",
     top: float = 0.9,
     edit: HandEdit | None = None,
 ) -> EvidenceMap:
-    """Return a map of a chair that was seen at (-3, 0), and then not there but at another place.
+    """Return a map of a chair that was seen at (-3, 0), and then not there but at (3, 0).
 
     Args:
         config: of the map.
-        other_area: what is seen while the chair is at its first place.
-        other: the shape at the other place; as it was before if None.
+        before: how many frames show it at its first place.
+        first_area: what these frames see.
+        other: its shape at the other place; as it was before if None.
         name: its class there.
         top: how high it is there [m]; 0.9 before.
         edit: by hand, between the two.
     """
     evidence = EvidenceMap(config)
-    for second in range(6):
-        evidence.update(seen(square(-3), area=other_area, stamp=second))
+    look(evidence, range(before), square(-3), area=first_area)
     if edit is not None:
         evidence.go_on_with(evidence.tracks(), {0: edit})
-    for second in range(60):
-        there = square(3) if other is None else other
-        evidence.update(seen(there, name=name, top=top, stamp=DAY + second))
+    there = square(3) if other is None else other
+    look(evidence, range(10, 70), there, name=name, top=top)
     return evidence
 
 
-def test_an_object_that_was_moved_keeps_its_id_and_says_how_surely() -> None:
-    chair = only(after_a_move())
-    assert (chair.id, chair.first_seen, chair.last_seen) == (0, 0.0, DAY + 59)
+@pytest.mark.parametrize("top", [0.9, 0.8], ids=["as high", "nearly as high"])
+def test_an_object_that_was_moved_keeps_its_id_and_says_how_surely(top: float) -> None:
+    chair = only(after_a_move(top=top))
+    assert (chair.id, chair.first_seen, chair.last_seen) == (0, 0.0, 69.0)
     assert chair.footprint.intersection(square(3)).area == pytest.approx(1, abs=0.1)
-    assert chair.attributes["moved"] == {"confidence": pytest.approx(1.0, abs=0.1), "since": DAY}
-
-
-def test_a_second_move_that_is_as_sure_is_another_one() -> None:
-    evidence = after_a_move()
-    first = only(evidence)
-    for second in range(80):
-        evidence.update(seen(square(-3), stamp=2 * DAY + second))
-    again = only(evidence)
-    assert again.id == first.id
-    assert again.attributes["moved"]["confidence"] == first.attributes["moved"]["confidence"]
-    assert is_said_to_have_moved(first, again)
-    assert not is_said_to_have_moved(again, only(evidence))
-
-
-def test_since_when_an_object_is_at_its_place_is_saved_and_unknown_in_earlier_files() -> None:
-    packed = packed_tables(after_a_move().settled())
-    facts = [{k: v for k, v in one.items() if k != "moved_since"} for one in packed.facts]
-    for saved, since in ((packed, DAY), (dataclasses.replace(packed, facts=facts), None)):
-        evidence = EvidenceMap(DEFAULT)
-        evidence.go_on_with(unpacked_tables(saved, DEFAULT)[0])
-        moved = only(evidence).attributes["moved"]
-        assert (moved["confidence"] > 0.9, moved.get("since")) == (True, since)
+    assert chair.attributes["moved"] == {"confidence": pytest.approx(1.0, abs=0.1), "since": 10}
+    assert chair.attributes["evidence"] == 60
 
 
 @pytest.mark.parametrize(
     "what",
     [
-        {"other_area": LEFT},  # the other place had not been looked at: perhaps it was there
+        {"first_area": LEFT},  # the other place had not been looked at: perhaps it was there
+        {"before": 3},  # which may have been wrong
         {"other": square(3, side=2)},
+        {"other": square(18), "first_area": BUILDING},
         {"name": "table"},
         {"top": 0.7},
         {"top": 1.2},
         {"config": THESIS},
         {"edit": HandEdit(name="Anna's chair")},
-        {"edit": HandEdit(footprint=square(-3, side=0.5))},
     ],
     ids=[
         "not looked at",
+        "seldom seen",
         "another size",
+        "far away",
         "another class",
         "lower",
         "higher",
         "thesis",
         "renamed",
-        "reshaped",
     ],
 )
 def test_otherwise_it_is_another_object(what: dict[str, object]) -> None:
     found = {item.id: item for item in after_a_move(**what).objects()}  # type: ignore[arg-type]
     (new,) = (item for number, item in found.items() if number != 0)
     assert "moved" not in new.attributes
-    assert new.first_seen == DAY
+    assert new.first_seen == 10
+
+
+def test_two_objects_that_a_frame_shows_are_not_one_that_was_moved() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    look(evidence, range(6), square(-3))
+    look(evidence, [2000, 4000], area=RIGHT)
+    look(evidence, [5000], square(-3), square(3))
+    look(evidence, range(5001, 5060), square(3))
+    assert only(evidence).id == 1
+
+
+def test_an_object_is_not_one_of_another_class_that_has_left_nearer_by() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        chair, table = (seen(square(-3, y), name=n) for n, y in (("chair", 0), ("table", 2)))
+        objects = (*chair.objects, *table.objects)
+        evidence.update(dataclasses.replace(chair, stamp=second, objects=objects))
+    look(evidence, range(10, 70), square(3), name="table")
+    assert (only(evidence).id, only(evidence).name) == (1, "table")
 
 
 def test_of_two_equal_objects_that_were_moved_neither_is_sure() -> None:
     evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), square(-3, 2), square(0, 3), stamp=second))
-    for second in range(60):
-        evidence.update(seen(square(3), square(3, 2), square(0, 3), stamp=DAY + second))
-    *found, third = evidence.objects()
-    assert [item.id for item in (*found, third)] == [0, 1, 2]
-    assert "moved" not in third.attributes
+    look(evidence, range(6), square(-3), square(-3, 2))
+    look(evidence, range(10, 70), square(3), square(3, 2))
+    found = evidence.objects()
+    assert [item.id for item in found] == [0, 1]
     for item in found:
         assert item.attributes["moved"]["confidence"] == pytest.approx(0.5, abs=0.1)
+        assert item.footprint.centroid.y == pytest.approx(2 if item.id else 0, abs=0.05)
 
 
-@pytest.mark.parametrize(("earlier", "number"), [(1, 0), (6, 1)])
-def test_one_false_detection_days_ago_does_not_hide_that_an_object_was_moved_there(
-    earlier: int, number: int
-) -> None:
+def test_of_two_the_one_that_was_gone_an_hour_before_was_not_moved() -> None:
     evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        there = [square(3)] if second < earlier else []
-        evidence.update(seen(square(-3), *there, stamp=second))
-    for second in range(60):
-        evidence.update(seen(square(3), stamp=DAY + second))
-    chair = only(evidence)
-    assert chair.id == number
-    moved = chair.attributes.get("moved")
-    assert (moved is None) if number else (moved["since"] == DAY)
-
-
-def test_an_object_that_comes_back_is_the_same() -> None:
-    evidence = after_a_move(other=NOWHERE)
-    assert evidence.objects() == []
-    for second in range(3):
-        evidence.update(seen(square(-3), stamp=2 * DAY + second))
+    look(evidence, range(6), square(-3), square(2, 3))
+    look(evidence, range(10, 70), square(-3))  # the nearer one is taken away
+    look(evidence, range(2000, 8000, 2000), area=RIGHT)  # nobody looks at the other one
+    look(evidence, range(8000, 8080), square(3))
     assert only(evidence).id == 0
 
 
-def test_of_what_was_moved_by_less_than_its_size_the_old_evidence_is_dropped() -> None:
+def test_an_id_that_has_been_known_for_an_hour_stays() -> None:
+    """Nobody looks at the old place before."""
     evidence = EvidenceMap(DEFAULT)
-    for second in range(8):
-        evidence.update(seen(square(0), stamp=second))
-    for second in range(4):
-        evidence.update(seen(square(0.4), stamp=DAY + second))
-    chair = only(evidence)
-    assert chair.id == 0
-    assert chair.footprint.centroid.x == pytest.approx(0.4, abs=0.02)
-    assert chair.attributes["moved"]["confidence"] > 0.9
+    look(evidence, range(6), square(-3))
+    look(evidence, range(10, 5000, 499), square(3), area=RIGHT)
+    look(evidence, range(5000, 5060), square(3))
+    assert only(evidence).id == 1
 
 
-@pytest.mark.parametrize(
-    ("now", "is_moved"),
-    [
-        (shapely.box(0.6, 0.0, 2.6, 0.9), True),
-        (shapely.box(0.0, 0.0, 2.0, 0.4), False),  # seen from one side
-    ],
-)
-def test_a_sofa_is_moved_if_it_is_where_floor_was_seen(
-    now: shapely.Polygon, is_moved: bool
-) -> None:
+def test_an_object_that_is_back_in_its_place_has_all_of_its_evidence() -> None:
     evidence = EvidenceMap(DEFAULT)
-    for second in range(8):
-        evidence.update(seen(shapely.box(0.0, 0.0, 2.0, 0.9), stamp=second))
-    for second in range(6):
-        evidence.update(seen(now, stamp=DAY + second))
-    sofa = only(evidence)
-    assert ("moved" in sofa.attributes) == is_moved
-    assert sofa.footprint.centroid.x == pytest.approx(1.6 if is_moved else 1.0, abs=0.02)
-
-
-@pytest.mark.parametrize(
-    ("before", "now"),
-    [((0.0, 2.0), (0.07, 3.1)), ((0.0, 3.8), (0.0, 1.95))],
-    ids=["seen as one now", "seen as one before"],
-)
-def test_of_two_benches_seen_as_one_the_one_that_stays_was_not_moved(
-    before: tuple[float, float], now: tuple[float, float]
-) -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for start, count, (left, right) in ((0.0, 8, before), (DAY, 6, now)):
-        for second in range(count):
-            shape = shapely.box(left, 0.0, right, 0.9)
-            evidence.update(seen(shape, stamp=start + second))
-    assert "moved" not in only(evidence).attributes
-
-
-def test_what_stands_in_a_part_of_its_old_place_was_moved_there() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(8):
-        evidence.update(seen(square(0), stamp=second))
-    for second in range(4):
-        evidence.update(seen(square(0.8), stamp=DAY + second))
-    chair = only(evidence)
-    assert (chair.id, chair.first_seen) == (0, 0.0)
-    assert chair.footprint.centroid.x == pytest.approx(0.8, abs=0.02)
-
-
-def test_a_small_move_is_found_once_the_old_place_was_looked_at() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(8):
-        evidence.update(seen(square(0), stamp=second))
-    for second in range(6):  # at first, the frames do not reach as far as the old place
-        area = shapely.box(0.2, -10, 10, 10) if second < 4 else ROOM
-        evidence.update(seen(square(0.4), area=area, stamp=DAY + second))
-    assert only(evidence).footprint.centroid.x == pytest.approx(0.4, abs=0.02)
-    assert "moved" in only(evidence).attributes
-
-
-def test_what_stood_by_a_wall_is_gone_where_another_drive_sees_the_wall() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(viewed(seen(CHAIR, stamp=second), level(2.0)))
-    for second in range(4):
-        evidence.update(viewed(seen(stamp=DAY + second), level(2.4)))  # 0.1 m behind the chair
+    look(evidence, range(6), square(-3))
+    look(evidence, range(10, 90))
     assert evidence.objects() == []
+    look(evidence, range(90, 96), square(-2.9))
+    chair = only(evidence)
+    assert (chair.id, chair.attributes["evidence"]) == (0, 12)
+    assert "moved" not in chair.attributes
+    assert chair.footprint.centroid.x == pytest.approx(-2.95, abs=0.06)
 
 
-def test_frames_of_one_drive_that_differ_a_little_are_no_move() -> None:
+def test_a_frame_shows_a_moved_object_by_its_id() -> None:
+    evidence = after_a_move(other=NOWHERE)
+    for second in range(70, 75):
+        look(evidence, [second], square(3))
+        (number,) = (number for _, number in evidence.shown)
+        assert number in {track.id for track in evidence.tracks().objects}
+    assert number == 0
+
+
+def test_frames_that_differ_a_little_are_no_move() -> None:
     evidence = EvidenceMap(DEFAULT)
     for second in range(16):
         evidence.update(seen(square(0.4 if second % 2 else 0.0), stamp=second))
     assert "moved" not in only(evidence).attributes
-
-
-def test_what_was_gone_before_is_not_what_was_moved_since() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), square(-3, 2), stamp=second))
-    for second in range(60):  # the second chair is taken away
-        evidence.update(seen(square(-3), stamp=DAY + second))
-    for second in range(6):  # the first one is seen elsewhere before anyone looks at its old place
-        evidence.update(seen(square(3), area=RIGHT, stamp=2 * DAY + second))
-    assert 0 in (ids := [item.id for item in evidence.objects()])
-    assert len(ids) == 2
-    for second in range(80):
-        evidence.update(seen(square(3), stamp=2 * DAY + 10 + second))
-    chair = only(evidence)
-    assert (chair.id, chair.footprint.centroid.x) == (0, pytest.approx(3, abs=0.1))
-
-
-def test_an_object_that_moves_to_where_another_was_stays_itself() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(0), square(1.2), stamp=second))
-    for second in range(60):  # the left one is taken away
-        evidence.update(seen(square(1.2), stamp=DAY + second))
-    for day, x in enumerate((0.8, 0.5), 2):
-        for second in range(8):
-            evidence.update(seen(square(x), stamp=day * DAY + second))
-    assert only(evidence).id == 1
-
-
-def test_what_moves_to_the_place_of_one_that_is_gone_stays_itself() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), square(3), stamp=second))
-    for second in range(60):  # the left one is taken away
-        evidence.update(seen(square(3), stamp=DAY + second))
-    for second in range(80):  # the right one comes to its place
-        evidence.update(seen(square(-3), stamp=2 * DAY + second))
-    assert only(evidence).id == 1
-
-
-def test_an_id_that_has_been_known_for_a_day_stays() -> None:
-    """Only the third drive sees that the chair has left its first place."""
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(6):
-        evidence.update(seen(square(3), area=RIGHT, stamp=DAY + second))
-    assert [item.id for item in evidence.objects()] == [0, 1]
-    for second in range(60):
-        evidence.update(seen(square(3), stamp=2 * DAY + second))
-    assert only(evidence).id == 1
-
-
-def after_looks_of_another_drive(
-    shape: shapely.Polygon, *shown: shapely.Polygon, name: str = "chair"
-) -> list[SemanticObject]:
-    """Return the objects left after 12 looks at one that was seen often; rays end in its place.
-
-    Args:
-        shape: of the object.
-        shown: what all these looks show.
-        name: its class.
-    """
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(12):
-        evidence.update(viewed(seen(shape, stamp=second), level(2.0)))
-    for second in range(12):
-        evidence.update(viewed(seen(*shown, name=name, stamp=DAY + second), level(2.0)))
-    return evidence.objects()
-
-
-SMALL = square(2.05, side=0.2)
-
-
-def test_an_object_that_was_seen_often_is_gone_after_a_few_looks_of_another_drive() -> None:
-    assert after_looks_of_another_drive(SMALL) == []
-    seen_once_more = EvidenceMap(DEFAULT)
-    for stamp in (*range(12), DAY):
-        seen_once_more.update(viewed(seen(SMALL, stamp=stamp), level(2.0)))
-    for second in range(1, 12):
-        seen_once_more.update(viewed(seen(stamp=DAY + second), level(2.0)))
-    assert len(seen_once_more.objects()) == 1
-
-
-def test_a_large_object_that_is_not_detected_stays_while_rays_end_in_its_place() -> None:
-    assert [item.id for item in after_looks_of_another_drive(CHAIR)] == [0]
-
-
-def test_a_large_object_is_gone_where_another_one_is_shown_in_its_place() -> None:
-    beside = shapely.box(1.9, 0.2, 2.4, 0.7)
-    left = after_looks_of_another_drive(CHAIR, beside, name="bin")
-    assert [item.name for item in left] == ["bin"]
-    away = shapely.box(1.9, 0.5, 2.4, 1.0)
-    left = after_looks_of_another_drive(CHAIR, away, name="bin")
-    assert [item.name for item in left] == ["chair", "bin"]
-
-
-@pytest.mark.parametrize(("often", "is_there"), [(12, False), (6, True)])
-def test_many_views_of_an_empty_part_tell_that_an_object_that_was_seen_often_has_left(
-    often: int, is_there: bool
-) -> None:
-    evidence, wall, someone = EvidenceMap(DEFAULT), level(4.0), level(1.0)
-    is_left = np.arange(wall.reach.shape[1]) < 0.47 * wall.reach.shape[1]
-    left = dataclasses.replace(wall, reach=np.where(is_left, wall.reach, someone.reach))
-    for second in range(often):
-        evidence.update(viewed(seen(CHAIR, stamp=second), level(2.0)))
-    for second in range(20):
-        evidence.update(viewed(seen(stamp=DAY + second), left))
-    assert bool(evidence.objects()) == is_there
-
-
-@pytest.mark.parametrize(("bottom", "is_same"), [(0.6, True), (0.1, False)])
-def test_what_a_drive_sees_of_an_object_over_a_table_may_be_all_of_it(
-    bottom: float, is_same: bool
-) -> None:
-    evidence, back = EvidenceMap(DEFAULT), shapely.box(-3.5, -2, -3.4, -1.2)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(60):
-        evidence.update(seen(back, stamp=DAY + second, bottom=bottom))
-    assert (only(evidence).id == 0) == is_same
-
-
-@pytest.mark.parametrize(("length", "is_same"), [(1.0, True), (0.4, False)])
-def test_of_what_was_seen_from_the_front_only_another_drive_may_see_all(
-    length: float, is_same: bool
-) -> None:
-    evidence, front = EvidenceMap(DEFAULT), shapely.box(-3.03, -length / 2, -2.97, length / 2)
-    for second in range(6):
-        evidence.update(seen(front, stamp=second))
-    for second in range(60):
-        evidence.update(seen(square(0), stamp=DAY + second))
-    assert (only(evidence).id == 0) == is_same
-
-
-@pytest.mark.parametrize(("whole", "is_same"), [(3, True), (0, False)])
-def test_views_of_a_part_do_not_tell_how_high_an_object_is(whole: int, is_same: bool) -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(8):
-        evidence.update(seen(square(-3), stamp=second, top=0.9 if second < whole else 0.5))
-    for second in range(60):
-        evidence.update(seen(square(0), stamp=DAY + second, top=0.9))
-    assert (only(evidence).id == 0) == is_same
-
-
-def test_what_three_frames_showed_may_have_been_moved() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(3):
-        evidence.update(seen(square(-3), stamp=second))
-    assert len(evidence.objects()) == 1
-    for second in range(60):
-        evidence.update(seen(square(0), stamp=DAY + second))
-    assert only(evidence).id == 0
-
-
-@pytest.mark.parametrize(("way", "is_same"), [(4.0, True), (14.0, False)])
-def test_the_farther_away_something_appears_the_more_alike_it_must_be(
-    way: float, is_same: bool
-) -> None:
-    evidence, building = EvidenceMap(DEFAULT), shapely.box(-20, -20, 20, 20)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second, area=building))
-    for second in range(60):
-        narrower = shapely.box(way - 3.3, -0.5, way - 2.7, 0.5)
-        evidence.update(seen(narrower, stamp=DAY + second, area=building))
-    assert (only(evidence).id == 0) == is_same
-
-
-@pytest.mark.parametrize(("sofas", "is_same"), [(0, False), (8, True)])
-def test_what_comes_is_hardly_another_one_of_a_rare_class(sofas: int, is_same: bool) -> None:
-    evidence, building = EvidenceMap(DEFAULT), shapely.box(-20, -20, 20, 20)
-    others = seen(*(square(2 * n - 8, 6) for n in range(sofas)), name="sofa", top=0.8).objects
-
-    def look(chair: shapely.Polygon, stamp: float) -> None:
-        observation = seen(chair, stamp=stamp, area=building)
-        objects = (*observation.objects, *others)
-        evidence.update(dataclasses.replace(observation, objects=objects))
-
-    for second in range(6):
-        look(square(-3), second)
-    for second in range(60):
-        look(shapely.box(8.75, -0.5, 9.25, 0.5), DAY + second)
-    assert ([item.id for item in evidence.objects() if item.name == "chair"] == [0]) == is_same
-
-
-@pytest.mark.parametrize(("left", "has_moved"), [(-2.6, True), (-2.9, False)])
-def test_an_object_that_is_hardly_in_its_place_was_moved_even_if_its_shape_seems_another_one(
-    left: float, has_moved: bool
-) -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(60):
-        narrower = shapely.box(left, -0.5, left + 0.45, 0.5)
-        evidence.update(seen(narrower, stamp=DAY + second))
-    chair = only(evidence)
-    assert chair.id == 0
-    assert ("moved" in chair.attributes) == has_moved
-
-
-@pytest.mark.parametrize(("top", "is_same"), [(0.9, True), (0.5, False)])
-def test_what_stands_in_a_part_of_an_empty_place_is_another_one_if_its_height_is(
-    top: float, is_same: bool
-) -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(60):
-        evidence.update(seen(square(-2.3), top=top, stamp=DAY + second))
-    assert (only(evidence).id == 0) == is_same
-
-
-def test_what_is_gone_for_long_costs_little() -> None:
-    evidence = EvidenceMap(dataclasses.replace(DEFAULT, gone_loss=10.0, loss=10.0))
-    for number in range(60):
-        place = square(-3 + 0.1 * number, side=0.05)
-        for second in range(4):
-            name = f"thing {number}"
-            evidence.update(seen(place, name=name, stamp=1000.0 * number + second))
-        for second in range(5):
-            evidence.update(seen(stamp=1000.0 * number + 10 + second))
-    assert evidence.objects() == []
-    assert len(evidence.tracks().objects) == 50
-
-
-def test_a_drawn_object_stays_where_it_is() -> None:
-    drawn = SemanticObject("chair", square(-3), id=0)
-    found = after_a_move(edit=HandEdit(drawn=drawn)).objects()
-    assert shapely.equals(found[0].footprint, square(-3))
-
-
-def test_the_first_view_at_a_new_place_nearby_does_not_keep_an_object_at_its_old_one() -> None:
-    """That view lies between both places, and so is taken for the object at the old one."""
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(8):
-        evidence.update(seen(square(-2.5 if second == 0 else -2.15), stamp=DAY + second))
-    chair = only(evidence)
-    assert chair.id == 0
-    assert chair.attributes["moved"]["since"] == DAY
-    assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
-
-
-def test_nor_does_a_later_view_that_is_taken_for_the_object_at_its_old_place() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(8):
-        evidence.update(seen(square(-2.65 if second == 1 else -2.15), stamp=DAY + second))
-    chair = only(evidence)
-    assert chair.id == 0
-    assert chair.attributes["moved"]["since"] == DAY
-    assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
-
-
-def test_a_first_view_that_lies_more_in_the_new_place_is_of_the_object_there() -> None:
-    """So nobody has to look at the old place, which the object itself may hide."""
-    evidence, beyond = EvidenceMap(DEFAULT), shapely.box(-2.6, -10, 10, 10)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(8):
-        x = -2.5 if second == 0 else -2.15
-        evidence.update(seen(square(x), stamp=DAY + second, area=beyond))
-    chair = only(evidence)
-    assert chair.id == 0
-    assert chair.footprint.centroid.x == pytest.approx(-2.25, abs=0.1)
-
-
-def test_a_small_object_that_poses_put_beside_its_place_was_not_moved() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(12):
-        evidence.update(seen(square(0, side=0.1), name="cup", stamp=second))
-    for second in range(4):
-        evidence.update(seen(square(0.16, side=0.1), name="cup", stamp=DAY + second))
-    for second in range(4, 10):
-        evidence.update(seen(square(-0.02, side=0.1), name="cup", stamp=DAY + second))
-    cup = only(evidence)
-    assert cup.id == 0
-    assert cup.attributes["evidence"] >= 18
-    assert "moved" not in cup.attributes
-
-
-def test_a_few_views_of_an_object_keep_it_where_another_one_has_come_beside_it() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(8):
-        shapes = [square(-3)] if second < 2 else [square(-1.9)]
-        evidence.update(seen(*shapes, stamp=DAY + second, area=RIGHT if second > 1 else ROOM))
-    known, new = evidence.objects()
-    assert (known.id, known.footprint.centroid.x) == (0, pytest.approx(-3, abs=0.05))
-    assert "moved" not in new.attributes
-
-
-@pytest.mark.parametrize("place", [-1.9, 3.0], ids=["beside", "elsewhere"])
-def test_two_objects_that_one_frame_shows_are_not_one_that_was_moved(place: float) -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(60):  # soon after, the first one is taken away
-        shapes = [square(-3), square(place)] if second < 2 else [square(place)]
-        evidence.update(seen(*shapes, stamp=DAY + second))
-    assert only(evidence).id != 0
-
-
-def test_one_frame_alone_does_not_tell_that_two_objects_are_not_one() -> None:
-    """It may have taken what is next to the old place for the object that was there."""
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(60):
-        shapes = [square(-3), square(0)] if second < 1 else [square(0)]
-        evidence.update(seen(*shapes, stamp=DAY + second))
-    assert only(evidence).id == 0
-
-
-def test_what_is_moved_is_decided_by_all_objects_together() -> None:
-    """One of two equal chairs is taken away, the other one moved to where the first one stood."""
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), square(-1.5), stamp=second))
-    for second in range(60):
-        evidence.update(seen(square(-1.1), stamp=DAY + second))
-    chair = only(evidence)
-    assert (chair.id, "moved" in chair.attributes) == (1, True)
-
-
-def test_nothing_is_decided_before_the_next_drive_begins() -> None:
-    """A chair seems to be new, until its old place is seen, too; the tracks are kept apart."""
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(6):
-        evidence.update(seen(square(3), area=RIGHT, stamp=DAY + second))
-    seen_so_far = [item.id for item in evidence.objects()]
-    assert len(seen_so_far) == 2
-    assert len(evidence.tracks().objects) == 2
-    for second in range(6, 60):
-        evidence.update(seen(square(3), stamp=DAY + second))
-    assert only(evidence).id == 0
-    assert len(evidence.tracks().objects) == 2
-    evidence.update(seen(square(3), stamp=2 * DAY))
-    (known, *_) = evidence.tracks().objects
-    assert (known.id, known.moved_since) == (0, DAY)
-
-
-def test_a_drive_that_goes_on_after_a_break_gives_the_same_map() -> None:
-    whole, parts = EvidenceMap(DEFAULT), EvidenceMap(DEFAULT)
-    for evidence in (whole, parts):
-        for second in range(6):
-            evidence.update(seen(square(-3), square(0, 3), stamp=second))
-    for second in range(40):
-        for evidence in (whole, parts):
-            evidence.update(seen(square(3), square(0.1, 3), stamp=DAY + second))
-        saved = unpacked_tables(packed_tables(parts.tracks()), DEFAULT)[0]
-        parts = EvidenceMap(DEFAULT)
-        parts.go_on_with(saved)
-    one, other = (
-        [(o.id, o.footprint.wkb, o.existence, o.attributes) for o in each.objects()]
-        for each in (whole, parts)
-    )
-    assert [number for number, *_ in one] == [0, 1]
-    assert one == other
