@@ -109,7 +109,7 @@ def test_maps_in_one_frame_need_not_be_aligned(
     answer = hypermap("merge", maps[0], maps[2], "--same-frame", "-o", out, "--json").json
     assert answer["maps"][0] | {"map": "", "both": 0} == {
         "map": "", "x": 0, "y": 0, "yaw": 0, "both": 0, "first": 0, "second": 0, "gone": 0,
-        "left_out": 0, "conflicts": [], "renamed": {}, "settings": [],
+        "left_out": 0, "deleted": [], "conflicts": [], "renamed": {}, "settings": [],
     }  # fmt: skip
     assert answer["objects"] == answer["maps"][0]["both"] > 3
 
@@ -131,10 +131,14 @@ def test_what_only_the_other_map_had_is_left_out_not_gone(
     maps: tuple[Path, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     counts = {"both": 13, "first": 4, "second": 3, "gone": 0, "left_out": 2}
-    merged = Merged(open_map(maps[0]), **counts, conflicts=(), renamed={})
+    deleted = {5: "chair", 17: "cup"}
+    merged = Merged(open_map(maps[0]), **counts, conflicts=(), renamed={}, deleted=deleted)
     merge._show(merged, Pose2D(), Path("old.hmap"))
     said = "13 objects in both, 4 only before, 3 new, 0 gone; 2 of old.hmap left out"
-    assert said in capsys.readouterr().out
+    output = capsys.readouterr()
+    assert said in output.out
+    by_hand = "left out, because deleted by hand in one of the maps: 2 objects (chair 5, cup 17)"
+    assert by_hand in output.err
 
 
 def test_wrong_input_is_one_error_and_nothing_is_saved(

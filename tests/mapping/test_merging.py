@@ -330,7 +330,7 @@ def side_of(
         drives.append(Drive(f"{begin}", begin, end, [0, 1]))
     table = TrackTable(DEFAULT.max_existence)
     state = MapperState(table, None, np.zeros(2, np.int64), None, drives, Counts(), [], log=parts)
-    return Side(state, table, HERE, later)
+    return Side("map", state, table, HERE, later)
 
 
 HOUR = 3600.0
@@ -441,8 +441,11 @@ def test_a_log_that_is_damaged_is_told() -> None:
     damaged = dataclasses.replace(part, frames=[b"?"] * len(part.frames))
     other = second_day(*ALL).with_layers(list(second_day(*ALL)))
     other.mapper_state = dump_state(dataclasses.replace(state, log=[damaged]))
-    with pytest.raises(CannotGoOn, match=r"the log of frames.*map all recordings again"):
+    words = r"^the second map: the log of frames.*map all its recordings again"
+    with pytest.raises(CannotGoOn, match=words):
         merge_maps(first_day(), other, OTHER_FRAME)
+    with pytest.raises(CannotGoOn, match=r"^other: the log of frames"):
+        merge_maps(other, first_day(), OTHER_FRAME.inverse(), ("other", "day"))
 
 
 def test_free_floor_below_a_table_does_not_say_that_what_stands_on_it_is_gone() -> None:
@@ -572,11 +575,13 @@ def test_edits_of_both_maps_stay_and_the_first_one_wins(tmp_path: Path) -> None:
     layer = first.semantic()
     plant = objects_of(first)["plant"]
     layer.rename(plant.id, "ficus")
-    layer.remove(objects_of(first)["chair"].id)
+    chair = objects_of(first)["chair"]
+    layer.remove(chair.id)
     second = changed(second_day(*ALL), tmp_path / "second.hmap")
     layer = second.semantic()
     layer.rename(objects_of(second)["plant"].id, "fern")
     layer.rename(objects_of(second)["table"].id, "desk")
+    layer.rename(objects_of(second)["chair"].id, "stool")
     sketch = shapely.box(0.2, 0.2, 0.5, 0.5)
     layer.add([SemanticObject("charger", OTHER_FRAME.inverse().apply_geometry(sketch))])
     merged = merge_maps(
@@ -585,6 +590,8 @@ def test_edits_of_both_maps_stay_and_the_first_one_wins(tmp_path: Path) -> None:
     found = objects_of(merged.hypermap)
     assert found.keys() == {"ficus", "desk", "charger"}
     assert merged.conflicts == (plant.id,)
+    assert merged.deleted == {chair.id: "stool"}
+    assert (merged.gone, merged.left_out) == (0, 0)
     assert found["charger"].footprint.equals_exact(sketch, 1e-6)
     on = changed(merged.hypermap, tmp_path / "merged.hmap")
     shots = frames(*ALL)
@@ -636,11 +643,45 @@ def test_ids_and_edits_stay_where_later_frames_replace_all_evidence(tmp_path: Pa
         assert (merged.both, merged.first, merged.second) == (2, 0, 0)
 
 
+@pytest.mark.parametrize("is_first_later", [False, True])
+def test_a_deletion_in_one_map_and_another_edit_in_the_other_are_told(
+    tmp_path: Path, is_first_later: bool
+) -> None:
+    def edited(hypermap: Hypermap, name: str | None) -> Hypermap:
+        other = changed(hypermap, tmp_path / "other.hmap")
+        chair = objects_of(other)["chair"]
+        if name is None:
+            other.semantic().remove(chair.id)
+        else:
+            other.semantic().rename(chair.id, name)
+        return changed(other, tmp_path / "edited.hmap")
+
+    maps, first_T_second = [first_day(), second_day(*ALL)], OTHER_FRAME
+    if is_first_later:
+        maps, first_T_second = maps[::-1], OTHER_FRAME.inverse()
+    chair = objects_of(maps[0])["chair"].id
+
+    merged = merge_maps(edited(maps[0], None), edited(maps[1], "stool"), first_T_second)
+    assert objects_of(merged.hypermap).keys() == {"table", "plant"}
+    assert (merged.deleted, merged.conflicts) == ({chair: "stool"}, ())
+
+    merged = merge_maps(edited(maps[0], "stool"), edited(maps[1], None), first_T_second)
+    assert objects_of(merged.hypermap).keys() == {"table", "plant", "stool"}
+    assert objects_of(merged.hypermap)["stool"].id == chair
+    assert (merged.deleted, merged.conflicts) == ({}, (chair,))
+
+    merged = merge_maps(maps[0], edited(maps[1], None), first_T_second)
+    assert objects_of(merged.hypermap).keys() == {"table", "plant"}
+    assert (merged.deleted, merged.gone) == ({chair: "chair"}, 0)
+
+
 def test_what_people_have_deleted_from_the_second_map_is_no_object(tmp_path: Path) -> None:
     other = changed(second_day(*ALL), tmp_path / "other.hmap")
     other.semantic().remove(objects_of(other)["plant"].id)
     merged = merge_maps(first_day(), other, OTHER_FRAME)
     assert objects_of(merged.hypermap).keys() == {"table", "chair"}
+    assert merged.deleted == {objects_of(first_day())["plant"].id: "plant"}
+    assert (merged.both, merged.gone, merged.conflicts) == (2, 0, ())
 
 
 def test_other_layers_of_both_maps_are_kept_where_they_lie() -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.onto import is_same_file, named
+from hypermap.cli.onto import is_same_file
 from hypermap.cli.options import AsJson, ForceMap, MapOutput, MapPath, check_map_output, name_of
 from hypermap.cli.progress import working
 from hypermap.cli.saving import replace_from
@@ -85,18 +85,14 @@ def command(
 
 
 def _merged(first: Hypermap, second: Hypermap, pose: Pose2D, path: Path, other: Path) -> Merged:
-    from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with
     from hypermap.mapping.merging import CannotMerge, merge_maps
 
-    with named(path):
-        config_to_go_on_with(first)
-    with named(other):
-        config_to_go_on_with(second)
+    names = name_of(path), name_of(other)
     try:
-        with working(f"merging {name_of(other)}"):
-            return merge_maps(first, second, pose)
-    except (CannotGoOn, CannotMerge, FrameError) as error:
-        raise type(error)(f"{name_of(path)} and {name_of(other)}: {error}") from None
+        with working(f"merging {names[1]}"):
+            return merge_maps(first, second, pose, names)
+    except (CannotMerge, FrameError) as error:
+        raise type(error)(f"{' and '.join(names)}: {error}") from None
 
 
 def _described(merged: Merged, pose: Pose2D, other: Path) -> dict[str, Any]:
@@ -110,6 +106,7 @@ def _described(merged: Merged, pose: Pose2D, other: Path) -> dict[str, Any]:
         "second": merged.second,
         "gone": merged.gone,
         "left_out": merged.left_out,
+        "deleted": [{"id": number, "name": name} for number, name in merged.deleted.items()],
         "conflicts": list(merged.conflicts),
         "renamed": merged.renamed,
         "settings": list(merged.settings),
@@ -129,6 +126,10 @@ def _show(merged: Merged, pose: Pose2D, other: Path) -> None:
             f"{name_of(other)} was made with other defaults, by another version; the result has "
             f"those of the first map ({'; '.join(merged.settings)})"
         )
+    if merged.deleted:
+        listed = ", ".join(f"{name} {number}" for number, name in merged.deleted.items())
+        count = counted(len(merged.deleted), "object")
+        note(f"left out, because deleted by hand in one of the maps: {count} ({listed})")
     for number in merged.conflicts:
         note(f"object {number} was edited by hand in both maps: the edits of the first one stay")
     for old, new in merged.renamed.items():

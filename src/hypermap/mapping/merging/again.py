@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hypermap.core.errors import FormatError
 from hypermap.core.frames import Pose2D
 from hypermap.formats.collector import paused_collector
 from hypermap.mapping.completion import FreeShare
@@ -22,8 +23,9 @@ from hypermap.mapping.correcting import (
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.evidence_buffer import FoundEvidence
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, LogPart, MapBefore, packed_frame
+from hypermap.mapping.going_on import CannotGoOn
 from hypermap.mapping.known_ids import shared_observations, with_known_ids
-from hypermap.mapping.merging.edits import with_edits
+from hypermap.mapping.merging.edits import deleted_at, with_edits
 from hypermap.mapping.merging.logged import LoggedDrive, Side, in_order
 from hypermap.mapping.merging.tracks import Joined
 from hypermap.mapping.occupancy import OccupancyMapper
@@ -70,7 +72,7 @@ def map_both_again(
         is_free: as in `EvidenceMap`.
 
     Raises:
-        FormatError: If a log is damaged.
+        CannotGoOn: If a log is damaged.
         HypermapError: If the occupancy grid would have too many cells.
     """
     made = _map_in_order(sides, kept, base, config, is_free)
@@ -155,8 +157,9 @@ def _joined(
     """
     for track in sides[1].tracks.objects:
         if track.id not in numbers:
-            numbers[track.id] = tracks.next_id
-            tracks.next_id += 1
+            number = deleted_at(tracks, sides[1].tracks, track.id)
+            numbers[track.id] = tracks.next_id if number is None else number
+            tracks.next_id += number is None
     tracks, conflicts = with_edits(tracks, sides, numbers, config)
     first = {track.id for track in sides[0].tracks.objects}
     there = {track.id for track in tracks.objects}
@@ -190,8 +193,13 @@ def _frames(
     contents = [content for part in one.parts for content in part.frames]
     poses = [matrix @ pose for part in one.parts for pose in part.poses]
     moved = frames_with_evidence(contents, poses, config, side.a_T_b, side.later)
-    for stamp, content, pose, (frame, found) in zip(stamps, contents, poses, moved, strict=True):
-        yield stamp, content if is_same else packed_frame(frame), pose, frame, found
+    try:
+        for stamp, content, pose, (frame, found) in zip(
+            stamps, contents, poses, moved, strict=True
+        ):
+            yield stamp, content if is_same else packed_frame(frame), pose, frame, found
+    except FormatError as error:
+        raise CannotGoOn(f"{side.name}: {error}; map all its recordings again") from error
 
 
 def _with_ids_of_first(

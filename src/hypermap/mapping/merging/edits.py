@@ -8,9 +8,13 @@ from collections.abc import Mapping
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.merging.logged import Side
 from hypermap.mapping.merging.moving import renumbered
+from hypermap.mapping.prepared_polygon import shared_area
 from hypermap.mapping.protection import protected
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable
+
+_SAME_PLACE = 0.5
+"""Share of the smaller of two shapes that the other one covers where they are of one object."""
 
 
 def with_edits(
@@ -36,11 +40,18 @@ def with_edits(
         whole.add(number)
         if own in other and not (is_piece and sides[1].tracks.objects[other[own]].is_deleted):
             theirs.setdefault(number, other[own])
+    twins = set[int]()  # deleted in the second map, and left without evidence of the first
+    for number in mine:
+        twin = deleted_at(tracks, sides[0].tracks, number)
+        if twin in theirs and twin not in mine:
+            theirs[number] = theirs.pop(twin)
+            twins.add(twin)
     edited = {n: (sides[1].tracks, row) for n, row in theirs.items()}
     edited |= {n: (sides[0].tracks, row) for n, row in mine.items()}
     if not edited:
         return tracks, frozenset()
-    present = {track.id: (tracks, row) for row, track in enumerate(tracks.objects)}
+    found = enumerate(tracks.objects)
+    present = {track.id: (tracks, row) for row, track in found if track.id not in twins}
     table, edits = TrackTable(config.max_existence), dict[int, HandEdit]()
     for number, (source, row) in sorted((edited | present).items()):
         track = renumbered(source.objects[row], number)
@@ -58,6 +69,26 @@ def with_edits(
     table = protected(table, edits, config)
     table.first_id = table.next_id
     return table, frozenset(mine.keys() & theirs.keys())
+
+
+def deleted_at(tracks: TrackTable, other: TrackTable, number: int) -> int | None:
+    """Return the id of a track that people have deleted at the place of one of another table.
+
+    Frames that are mapped again leave it without evidence, so that nothing else tells that the two
+    are one. None if there is no such track.
+
+    Args:
+        tracks: in which it is looked for.
+        other: the other table, in the same frame.
+        number: the id of its track.
+    """
+    for row in other.rows_of([number]):
+        name, shape = other.objects[row].name, other.shapes.polygons[row]
+        for track, there in zip(tracks.objects, tracks.shapes.polygons, strict=True):
+            is_one = track.is_deleted and track.name == name
+            if is_one and shared_area(shape, there) >= _SAME_PLACE * min(shape.area, there.area):
+                return track.id
+    return None
 
 
 def _edited(tracks: TrackTable) -> dict[int, int]:

@@ -51,12 +51,14 @@ class Side:
     """One of two maps that are merged.
 
     Attributes:
+        name: of the map, in messages.
         state: of its mapper.
         tracks: its present tracks, one for each object, with edits made by hand.
         a_T_b: transforms points of the map to the frame of the merged one.
         later: by how much its times are later in the merged map [s].
     """
 
+    name: str
     state: MapperState
     tracks: TrackTable
     a_T_b: Pose2D

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
-from hypermap.core.errors import FormatError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
@@ -15,16 +14,17 @@ from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import BETWEEN, Drive
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.going_on import CannotGoOn, edits_of, layer_of_objects, state_of
+from hypermap.mapping.going_on import edits_of, layer_of_objects, state_of
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.merging.again import MappedAgain, map_both_again
 from hypermap.mapping.merging.before import joined_before
+from hypermap.mapping.merging.edits import deleted_at
 from hypermap.mapping.merging.grids import added_layers
 from hypermap.mapping.merging.layers import grid_of, merged_layers
 from hypermap.mapping.merging.logged import Side, in_order, kept_drives
 from hypermap.mapping.merging.moving import moved_tracks
-from hypermap.mapping.merging.settings import CannotMerge, common_config
+from hypermap.mapping.merging.settings import CannotMerge, common_config, naming
 from hypermap.mapping.merging.source import merged_source
 from hypermap.mapping.merging.tracks import Joined
 from hypermap.mapping.tracks import TrackTable
@@ -44,6 +44,8 @@ class Merged:
         gone: number of objects of the first map that are not in the result, because later views of
             the second did not show them.
         left_out: number of objects only in the second map that are not in the result, likewise.
+        deleted: names of objects of one map that people have deleted in the other, and that are not
+            in the result, by their ids in the first map.
         conflicts: ids of objects edited by hand in both maps; the first map's edits are kept.
         renamed: new names of layers of the second map whose names were in use, by their old names.
         settings: what the second map was made with otherwise, where the defaults have changed; the
@@ -59,9 +61,15 @@ class Merged:
     conflicts: tuple[int, ...]
     renamed: dict[str, str]
     settings: tuple[str, ...] = ()
+    deleted: dict[int, str] = field(default_factory=dict)
 
 
-def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
+def merge_maps(
+    first: Hypermap,
+    second: Hypermap,
+    a_T_b: Pose2D,
+    names: tuple[str, str] = ("the first map", "the second map"),
+) -> Merged:
     """Return two maps of one place as one map, from the evidence in both.
 
     The frames that both maps keep are mapped again in the order of time, as if one map had been
@@ -75,14 +83,15 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
         second: a map made by mapping with the same configuration, or with the same profile by a
             version with other defaults.
         a_T_b: transforms points from the base frame of the second map to that of the first.
+        names: of both maps, in messages.
 
     Raises:
-        CannotGoOn: If a map was not made by mapping, or lacks the mapper state.
+        CannotGoOn: If a map was not made by mapping, lacks the mapper state, or is damaged.
         CannotMerge: If the configurations differ, or both contain the same frames.
         FrameError: If the frames of both maps cannot be joined in one tree.
     """
-    config, settings = common_config(first, second)
-    sides = _sides(first, second, a_T_b, config)
+    config, settings = common_config(first, second, names)
+    sides = _sides((first, second), names, a_T_b, config)
     grids = grid_of(first), grid_of(second)
     kept = len(sides[0].logged), len(sides[1].logged)
     if config.evidence.moves:  # otherwise, drives are not told apart
@@ -99,18 +108,30 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     assert hypermap.history is not None  # of a mapper's map
     source = merged_source(first, sides[1].state.drives, state, config, hypermap)
     hypermap.history = replace(hypermap.history, mapped=source)
-    return _counted(hypermap, (first, second), made.joined, layers.renamed, settings)
+    return _counted(hypermap, (first, second), sides, made.joined, layers.renamed, settings)
 
 
 def _sides(
-    first: Hypermap, second: Hypermap, a_T_b: Pose2D, config: MappingConfig
+    maps: tuple[Hypermap, Hypermap], names: tuple[str, str], a_T_b: Pose2D, config: MappingConfig
 ) -> tuple[Side, Side]:
     """Return two maps with their tracks in the frame and the time of the merged one."""
-    a, b = state_of(first, config), state_of(second, config)
+    (a, mine), (b, theirs) = (
+        _opened(one, name, config) for one, name in zip(maps, names, strict=True)
+    )
     _check_drives(a.drives, b.drives)
     later = _later(a.drives, b.drives)
-    theirs = moved_tracks(_tracks(second, b, config), a_T_b, config.evidence, later)
-    return Side(a, _tracks(first, a, config), Pose2D(), 0.0), Side(b, theirs, a_T_b, later)
+    theirs = moved_tracks(theirs, a_T_b, config.evidence, later)
+    return Side(names[0], a, mine, Pose2D(), 0.0), Side(names[1], b, theirs, a_T_b, later)
+
+
+def _opened(hypermap: Hypermap, name: str, config: MappingConfig) -> tuple[MapperState, TrackTable]:
+    """Return the state of a map, and its tracks with the edits made by hand."""
+    with naming(name):
+        state = state_of(hypermap, config)
+        edits = edits_of(hypermap, state, config.evidence)
+    evidence = EvidenceMap(config.evidence)
+    evidence.go_on_with(state.tracks, edits)
+    return state, evidence.settled().snapshot()
 
 
 def _check_drives(first: Iterable[Drive], second: Iterable[Drive]) -> None:
@@ -140,13 +161,6 @@ def _later(first: Sequence[Drive], second: Sequence[Drive]) -> float:
     return max(end for _, end in mine) + BETWEEN - min(begin for begin, _ in theirs)
 
 
-def _tracks(hypermap: Hypermap, state: MapperState, config: MappingConfig) -> TrackTable:
-    """Return the tracks of a map, with the edits made by hand."""
-    evidence = EvidenceMap(config.evidence)
-    evidence.go_on_with(state.tracks, edits_of(hypermap, state, config.evidence))
-    return evidence.settled().snapshot()
-
-
 def _mapped(
     sides: tuple[Side, Side],
     kept: tuple[int, int],
@@ -159,10 +173,7 @@ def _mapped(
     if not in_order(sides, kept):
         return MappedAgain(joined, base.first_cell, base.log_odds, [])
     is_free = partial(free_share, occupancy) if base.log_odds is None else None
-    try:
-        return map_both_again(sides, kept, base, joined, config, is_free)
-    except FormatError as error:
-        raise CannotGoOn(f"{error}; map all recordings again") from error
+    return map_both_again(sides, kept, base, joined, config, is_free)
 
 
 def _state_of(sides: tuple[Side, Side], kept: tuple[int, int], made: MappedAgain) -> MapperState:
@@ -196,28 +207,40 @@ def _marked(drives: Iterable[Drive], sides: tuple[Side, Side]) -> list[Drive]:
     return [replace(d, is_beside=True) if d.keys in beside else d for d in drives]
 
 
+def _names(hypermap: Hypermap) -> dict[int, str]:
+    """Return the names of a map's objects, by their ids."""
+    layer = layer_of_objects(hypermap)
+    return {} if layer is None else {item.id: item.name for item in layer if item.id is not None}
+
+
 def _counted(
     hypermap: Hypermap,
     maps: tuple[Hypermap, Hypermap],
+    sides: tuple[Side, Side],
     joined: Joined,
     renamed: dict[str, str],
     settings: tuple[str, ...],
 ) -> Merged:
     """Return the merged map, with the numbers of objects that came from the two maps."""
-    layers = [layer_of_objects(one) for one in maps]
-    ids = [set() if layer is None else {item.id for item in layer} for layer in layers]
-    made = layer_of_objects(hypermap)
-    there = {item.id for item in made} if made is not None else set()
-    theirs = {joined.ids[number] for number in ids[1] if number in joined.ids}
-    both = there & joined.pairs & ids[0] & theirs
+    mine, others, there = _names(maps[0]), _names(maps[1]), _names(hypermap).keys()
+    own_ids = {joined.ids[own]: own for own in others if own in joined.ids}
+    theirs = {number: others[own] for number, own in own_ids.items()}
+    deleted = {
+        number: name
+        for side, names, ids in ((sides[1], theirs, own_ids), (sides[0], mine, {}))
+        for number, name in names.items()
+        if number not in there
+        and deleted_at(joined.tracks, side.tracks, ids.get(number, number)) is not None
+    }
     return Merged(
         hypermap=hypermap,
-        both=len(both),
-        first=len((there & ids[0]) - theirs),
-        second=len(there - ids[0]),
-        gone=len(ids[0] - there),
-        left_out=len(theirs - ids[0] - there),
+        both=len(there & joined.pairs & mine.keys() & theirs.keys()),
+        first=len((there & mine.keys()) - theirs.keys()),
+        second=len(there - mine.keys()),
+        gone=len(mine.keys() - there - deleted.keys()),
+        left_out=len(theirs.keys() - mine.keys() - there - deleted.keys()),
         conflicts=tuple(sorted(joined.conflicts & there)),
         renamed=renamed,
         settings=settings,
+        deleted=dict(sorted(deleted.items())),
     )

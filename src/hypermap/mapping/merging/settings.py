@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.mapping.config import MappingConfig, profile_like, to_dict
-from hypermap.mapping.going_on import config_to_go_on_with
+from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with
 from hypermap.mapping.map_metadata import version_of_defaults
 
 _ALWAYS_EQUAL = "min_score", "resolution"  # else, counts cannot be added, nor cells
@@ -17,12 +19,28 @@ class CannotMerge(HypermapError):
     """Two maps cannot be merged."""
 
 
-def common_config(first: Hypermap, second: Hypermap) -> tuple[MappingConfig, tuple[str, ...]]:
+@contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Name the map in errors about one that mapping cannot continue."""
+    try:
+        yield
+    except CannotGoOn as error:
+        raise CannotGoOn(f"{name}: {error}") from error
+
+
+def common_config(
+    first: Hypermap, second: Hypermap, names: tuple[str, str]
+) -> tuple[MappingConfig, tuple[str, ...]]:
     """Return the configuration for two maps as one: that of the first.
 
     Whether pictures are kept, and whether poses are corrected by the map, may differ. Where another
     version began the second map, so may other settings, if one of the two values is the default of
     the profile of both: that version had another default.
+
+    Args:
+        first: a map.
+        second: another one.
+        names: of both, in messages.
 
     Returns:
         the configuration, and in which settings the second map differs, as text.
@@ -31,7 +49,10 @@ def common_config(first: Hypermap, second: Hypermap) -> tuple[MappingConfig, tup
         CannotGoOn: If a map was not made by mapping, or lacks the mapper state.
         CannotMerge: If other settings differ.
     """
-    config, theirs = config_to_go_on_with(first), config_to_go_on_with(second)
+    with naming(names[0]):
+        config = config_to_go_on_with(first)
+    with naming(names[1]):
+        theirs = config_to_go_on_with(second)
     alignment = replace(theirs.alignment, enabled=config.alignment.enabled)
     own = to_dict(config)
     other = to_dict(replace(theirs, pictures=config.pictures, alignment=alignment))
