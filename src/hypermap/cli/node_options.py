@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from hypermap.cli.options import port_option
 from hypermap.core.errors import HypermapError
 from hypermap.simple_yaml import parse_simple_yaml
 
@@ -37,16 +38,7 @@ Host = Annotated[
         help="Address to listen on: with --foxglove; 0.0.0.0 accepts other machines.",
     ),
 ]
-Port = Annotated[
-    int | None,
-    typer.Option(
-        rich_help_panel=_MIDDLEWARE,
-        min=0,
-        max=65535,
-        show_default="8765",
-        help="Port to listen on: with --foxglove; 0 for any free port.",
-    ),
-]
+Port = Annotated[int | None, port_option("8765", "with --foxglove", _MIDDLEWARE)]
 AllowEdits = Annotated[
     bool,
     typer.Option(

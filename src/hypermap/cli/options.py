@@ -6,7 +6,7 @@ import os
 import re
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -49,15 +49,30 @@ TaxonomyFile = Annotated[
         help="YAML file with more names and kinds of objects; see docs/ask.md.",
     ),
 ]
-Port = Annotated[
-    int | None,
-    typer.Option(
+
+
+def port_option(default: str, condition: str = "", panel: str | None = None) -> Any:
+    """Return the option `--port` of a command that serves.
+
+    Args:
+        default: what the help says of the default.
+        condition: when the command serves, such as "with --foxglove"; empty for always.
+        panel: of the help in which the option is; None for the first one.
+    """
+    only = f"{condition}; " if condition else ""
+    return typer.Option(
         min=0,
         max=65535,
-        show_default="8090, or the next one that is free",
-        help="Port to listen on: 0 for any free port.",
-    ),
-]
+        show_default=default,
+        rich_help_panel=panel,
+        help=f"Port to listen on: {only}0 for any free port.",
+    )
+
+
+PAGE_PORT = "8090, or the next one that is free"
+"""The default of `--port` for the page in the browser."""
+
+Port = Annotated[int | None, port_option(PAGE_PORT)]
 _YAML_HEAD = 65536  # bytes of a YAML file next to a picture that are looked at
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
+from hypermap.cli.options import PAGE_PORT, port_option
 from hypermap.cli.signals import stop_on_signal
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError
@@ -32,16 +33,7 @@ View = Annotated[
         help="Watch the map in the browser: how it grows, frame by frame.",
     ),
 ]
-Port = Annotated[
-    int | None,
-    typer.Option(
-        min=0,
-        max=65535,
-        show_default="8090, or the next one that is free",
-        rich_help_panel=PANEL,
-        help="Port to listen on: 0 for any free port.",
-    ),
-]
+Port = Annotated[int | None, port_option(PAGE_PORT, panel=PANEL)]
 Browser = Annotated[
     bool,
     typer.Option(
