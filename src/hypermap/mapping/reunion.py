@@ -115,6 +115,8 @@ class Reunion:
         """
         self._tracks, self._config = tracks, config
         self._seen_before = seen_before
+        self._known, self._fresh = parted(tracks)
+        self._costs_of_colors: dict[ComparedTracks, NDArray[np.float64]] = {}
 
     def pairs(self) -> list[Pair]:
         """Return all pairs, class by class, in the order of the names."""
@@ -123,13 +125,12 @@ class Reunion:
     @cached_property
     def _classes(self) -> list[ComparedTracks]:
         """The classes that both earlier drives and this one have found."""
-        known, fresh = parted(self._tracks)
         objects, found = self._tracks.objects, []
-        for name in sorted({objects[row].name for row in fresh}):
-            some = [row for row in known if objects[row].name == name]
+        for name in sorted({objects[row].name for row in self._fresh}):
+            some = [row for row in self._known if objects[row].name == name]
             some = [row for row in some if not objects[row].is_deleted]
             if some:
-                others = [row for row in fresh if objects[row].name == name]
+                others = [row for row in self._fresh if objects[row].name == name]
                 found.append(ComparedTracks.of(self._tracks, some, others))
         return found
 
@@ -138,7 +139,7 @@ class Reunion:
         from scipy.optimize import linear_sum_assignment
 
         leaving = self._costs_of_leaving(one)
-        stays = self._stays[id(one)] + self._costs_of_replacing(one)
+        stays = self._stays[one] + self._costs_of_replacing(one)
         moves = self._costs_of_moving(one, leaving)
         coming = np.array([self._cost_of_coming(row) for row in one.fresh])
         n, m = stays.shape
@@ -157,9 +158,9 @@ class Reunion:
         return found
 
     @cached_property
-    def _stays(self) -> dict[int, NDArray[np.float64]]:
-        """What it costs that known objects have stayed, shapes (N, M), by the ids of classes."""
-        return {id(one): self._costs_of_staying(one) for one in self._classes}
+    def _stays(self) -> dict[ComparedTracks, NDArray[np.float64]]:
+        """What it costs that the known objects of each class have stayed, shapes (N, M)."""
+        return {one: self._costs_of_staying(one) for one in self._classes}
 
     def _costs_of_staying(self, one: ComparedTracks) -> NDArray[np.float64]:
         """Return what it costs that each known object is each of the others, shape (N, M)."""
@@ -185,7 +186,7 @@ class Reunion:
         both must be as alike in height and color as if it were elsewhere.
         """
         gone = np.array([self._is_gone(row) for row in one.known])[:, None]
-        if not (gone & (self._stays[id(one)] < _NEVER)).any():
+        if not (gone & (self._stays[one] < _NEVER)).any():
             return np.zeros(gone.shape)
         costs = (_RAISED - _HIGHER) * one.higher + self._costs_of_color(one)
         return np.where(gone, costs, 0.0)
@@ -222,6 +223,8 @@ class Reunion:
         Another color costs the more, the more objects of the class have kept theirs: chairs do, but
         a board or a person may show another side. The rate is the mean of a beta distribution.
         """
+        if (known := self._costs_of_colors.get(one)) is not None:
+            return known
         same = self._surely_same
         away = color_distances(self._tracks, one.known, one.fresh, same)
         pairs = [(i, one.fresh.index(same[row])) for i, row in enumerate(one.known) if row in same]
@@ -229,7 +232,9 @@ class Reunion:
         kept = kept[~np.isnan(kept)]
         changed = np.count_nonzero(kept > SAME_COLOR)
         rate = (changed + _BEFORE_ANY * _REPAINTED) / (len(kept) + _BEFORE_ANY)
-        return np.where(away > SAME_COLOR, -math.log(rate), 0.0)
+        costs = np.where(away > SAME_COLOR, -math.log(rate), 0.0)
+        self._costs_of_colors[one] = costs
+        return costs
 
     def _may_have_moved(self, one: ComparedTracks) -> BoolArray:
         """Return which known objects may be which others, as far as times and places tell."""
@@ -302,9 +307,8 @@ class Reunion:
     @cached_property
     def _numbers(self) -> Counter[str]:
         """How many objects of each class there were when this drive began."""
-        known, _ = parted(self._tracks)
         objects = self._tracks.objects
-        there = [objects[row] for row in known if not self._was_gone(row)]
+        there = [objects[row] for row in self._known if not self._was_gone(row)]
         return Counter(track.name for track in there if track.buffer.count >= MAPPED)
 
     @cached_property
@@ -312,7 +316,7 @@ class Reunion:
         """The rows of this drive that surely show known objects in their places, by these."""
         found = {}
         for one in self._classes:
-            costs = self._stays[id(one)]
+            costs = self._stays[one]
             for i, j in enumerate(costs.argmin(axis=1).tolist()):
                 if costs[i, j] < _SURELY and costs[:, j].argmin() == i:
                     found[one.known[i]] = one.fresh[j]
@@ -335,8 +339,7 @@ class Reunion:
     @cached_property
     def _began(self) -> float:
         """The stamp of the first observation of this drive [s]."""
-        _, fresh = parted(self._tracks)
-        return min(self._tracks.objects[row].buffer.first_seen for row in fresh)
+        return min(self._tracks.objects[row].buffer.first_seen for row in self._fresh)
 
     def _missed(self, row: int) -> float:
         """Return how far a known object has been missed, 0..1."""
