@@ -84,6 +84,18 @@ def test_ctrl_c_while_the_program_loads_shows_no_traceback():
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
+def test_ctrl_c_while_the_program_unloads_does_not_fail_a_command_that_is_done():
+    done = run_python(
+        "import signal, sys, types\n"
+        "from hypermap.cli.start import main\n"
+        "class Late:\n"
+        "    def __del__(self, interrupt=signal.raise_signal): interrupt(2)\n"
+        "sys.modules['hypermap.cli.main'] = types.SimpleNamespace(main=sys.exit, late=Late())\n"
+        "main()"
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 def test_the_page_loads_no_compiled_loops_and_a_mapper_no_solver_that_few_maps_need():
     done = run_python(
         "import sys, hypermap.viewer.live.app\n"
