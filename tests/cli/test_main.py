@@ -201,6 +201,15 @@ def test_nobody_who_reads_the_output_is_an_exit_code_of_its_own(room_map, form):
 ENDINGS = [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
 
 
+def test_what_is_made_is_saved_even_if_nobody_reads_what_is_printed(room_map, tmp_path):
+    made = tmp_path / "made.hmap"
+    words = [sys.executable, "-m", "hypermap", "rooms", str(room_map), "-o", str(made)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as done:
+        done.stdout.close()
+        done.stderr.read()
+    assert (done.returncode, made.exists()) == (141, True)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_any_signal_is_the_usual_end_of_a_server(number):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -133,7 +133,7 @@ def test_what_only_the_other_map_had_is_left_out_not_gone(
     counts = {"both": 13, "first": 4, "second": 3, "gone": 0, "left_out": 2}
     deleted = {5: "chair", 17: "cup"}
     merged = Merged(open_map(maps[0]), **counts, conflicts=(), renamed={}, deleted=deleted)
-    merge._show(merged, Pose2D(), Path("old.hmap"))
+    merge._show(merge._described(merged, Pose2D(), Path("old.hmap")))
     said = "13 objects in both, 4 only before, 3 new, 0 gone; 2 of old.hmap left out"
     output = capsys.readouterr()
     assert said in output.out

@@ -87,23 +87,23 @@ def command(
     unknown = unknown_since(hypermap, since)
     if unknown:
         note(unknown)
-    if as_json:
-        rows = [_facts(revision) | described(change) for revision, change in found]
-        say_json({"frame_id": hypermap.base_frame, "changes": rows})
-        shown_changes = found
-    else:
-        shown_changes = found if show_all else worth_showing(found)
-        nothing = "no change is known" if unknown else "nothing changed"
-        _show(shown_changes, names is not None or show_all, nothing)
-        if left_out := len(found) - len(shown_changes):
-            note(f"{counted(left_out, 'doubtful change')} left out; --all shows them")
-    if picture is not None:
+    shown_changes = found if as_json or show_all else worth_showing(found)
+    if picture is not None:  # first: nobody may read what is printed
         from hypermap.evaluation import Changes
         from hypermap.viewer.changes import render_changes
 
         drawn = tuple(change for _, change in shown_changes)
         shown = Changes(drawn, _unchanged(hypermap, found, names))
         render_changes(hypermap, shown, picture, title=title_of(path), is_over_time=True)
+    if as_json:
+        rows = [_facts(revision) | described(change) for revision, change in found]
+        say_json({"frame_id": hypermap.base_frame, "changes": rows})
+    else:
+        nothing = "no change is known" if unknown else "nothing changed"
+        _show(shown_changes, names is not None or show_all, nothing)
+        if left_out := len(found) - len(shown_changes):
+            note(f"{counted(left_out, 'doubtful change')} left out; --all shows them")
+    if picture is not None:
         note(f"saved {picture}")
 
 

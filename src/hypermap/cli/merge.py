@@ -74,13 +74,14 @@ def command(
         merged = _merged(hypermap, second, pose, path, other)
         hypermap = merged.hypermap
         rows.append(_described(merged, pose, other))
-        if not as_json:
-            _show(merged, pose, other)
-    backup = replace_from(hypermap, path, output)
-    if backup is not None:
-        note(f"the previous map is kept as {backup}")
+    backup = replace_from(hypermap, path, output)  # first: nobody may read what is printed
     if as_json:
         say_json({"maps": rows, "objects": len(hypermap.objects())})
+    else:
+        for row in rows:
+            _show(row)
+    if backup is not None:
+        note(f"the previous map is kept as {backup}")
     note(f"saved {output}")
 
 
@@ -113,24 +114,25 @@ def _described(merged: Merged, pose: Pose2D, other: Path) -> dict[str, Any]:
     }
 
 
-def _show(merged: Merged, pose: Pose2D, other: Path) -> None:
-    where = f"x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} degrees"
-    say(f"{name_of(other)}: {where}")
-    left_out = f"; {merged.left_out} of {name_of(other)} left out" if merged.left_out else ""
+def _show(row: dict[str, Any]) -> None:
+    name = row["map"]
+    yaw_deg = math.degrees(row["yaw"])
+    say(f"{name}: x {row['x']:.3f} m, y {row['y']:.3f} m, yaw {yaw_deg:.2f} degrees")
+    left_out = f"; {row['left_out']} of {name} left out" if row["left_out"] else ""
     say(
-        f"  {counted(merged.both, 'object')} in both, {merged.first} only before, "
-        f"{merged.second} new, {merged.gone} gone{left_out}"
+        f"  {counted(row['both'], 'object')} in both, {row['first']} only before, "
+        f"{row['second']} new, {row['gone']} gone{left_out}"
     )
-    if merged.settings:
+    if settings := row["settings"]:
         note(
-            f"{name_of(other)} was made with other defaults, by another version; the result has "
-            f"those of the first map ({'; '.join(merged.settings)})"
+            f"{name} was made with other defaults, by another version; the result has "
+            f"those of the first map ({'; '.join(settings)})"
         )
-    if merged.deleted:
-        listed = ", ".join(f"{name} {number}" for number, name in merged.deleted.items())
-        count = counted(len(merged.deleted), "object")
+    if deleted := row["deleted"]:
+        listed = ", ".join(f"{one['name']} {one['id']}" for one in deleted)
+        count = counted(len(deleted), "object")
         note(f"left out, because deleted by hand in one of the maps: {count} ({listed})")
-    for number in merged.conflicts:
+    for number in row["conflicts"]:
         note(f"object {number} was edited by hand in both maps: the edits of the first one stay")
-    for old, new in merged.renamed.items():
-        note(f"the layer {old!r} of {name_of(other)} is called {new!r} in the result")
+    for old, new in row["renamed"].items():
+        note(f"the layer {old!r} of {name} is called {new!r} in the result")

@@ -79,12 +79,13 @@ def command(
     hypermap = open_map(path)
     rooms = rooms_of_map(hypermap, settings, occupancy=occupancy, kinds=table_of_kinds)
     passing = graph(rooms, robot_radius or 0.0)
+    if output is not None:  # first: nobody may read what is printed
+        save_from(with_rooms(hypermap, rooms), path, output)
     if as_json:
         say_json(describe(rooms, passing, robot_radius))
     else:
         _show(rooms, passing, robot_radius)
     if output is not None:
-        save_from(with_rooms(hypermap, rooms), path, output)
         note(f"saved {output}")
 
 
