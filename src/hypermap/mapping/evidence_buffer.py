@@ -191,6 +191,7 @@ class EvidenceBuffer:
     def __init__(self, limit: int) -> None:
         self._limit = limit
         self._heights: tuple[float, float] | None = None
+        self._top: float | None = None
         self._surely_there: tuple[float, float] | None = None
         self._agreement: tuple[PreparedPolygon, float] | None = None
         self._angle: float | None = None
@@ -324,8 +325,10 @@ class EvidenceBuffer:
 
         Views of a part of the object may lack its top; 0 if there are none.
         """
-        tops = [evidence.z_max for evidence in self.items]
-        return float(np.quantile(tops, 0.75)) if tops else 0.0
+        if self._top is None:
+            tops = [evidence.z_max for evidence in self.items]
+            self._top = float(np.quantile(tops, 0.75)) if tops else 0.0
+        return self._top
 
     def agreement(self, shape: PreparedPolygon) -> float:
         """Return how far the kept footprints agree with a shape: their mean IoU with it, 0..1."""
@@ -399,7 +402,8 @@ class EvidenceBuffer:
         return other
 
     def _count(self, count: int, score: float, first: float, last: float) -> None:
-        self._heights = self._surely_there = self._agreement = self._angle = self._sizes = None
+        self._heights = self._top = self._surely_there = None
+        self._agreement = self._angle = self._sizes = None
         self._oldest, self._newest = min(self._oldest, first), max(self._newest, last)
         self.count += count
         self.score_sum += score

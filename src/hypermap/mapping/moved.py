@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from hypermap._loops import loop
-from hypermap.core.arrays import BoolArray, IntArray, as_objects
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.history.likeness import FARTHEST, MAY_BE, likeness
-from hypermap.mapping.evidence_buffer import CONFIRMED, STALE, Evidence
+from hypermap.mapping.evidence_buffer import CONFIRMED, STALE
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_colors import differ_in_color
@@ -209,7 +210,7 @@ def _possible(
     The others differ in height, are not gone, or no view shows the new place empty before.
     """
     possible = np.zeros_like(is_near)
-    views: list[Evidence] | None = None
+    views: Views | None = None
     for j, row in enumerate(there):
         was_empty: bool | None = None
         for i in np.flatnonzero(is_near[:, j]).tolist():
@@ -246,10 +247,24 @@ def _compared(
     return alike
 
 
-def views_of_tracks(tracks: TrackTable) -> list[Evidence]:
-    """Return one piece of the kept evidence of each view."""
+class Views(NamedTuple):
+    """The views of which tracks keep evidence.
+
+    Attributes:
+        stamps: of their frames [s], shape (N,).
+        areas: polygons in the map frame [m] that each could have seen, shape (N,).
+    """
+
+    stamps: NDArray[np.float64]
+    areas: ObjectArray
+
+
+def views_of_tracks(tracks: TrackTable) -> Views:
+    """Return the views of all tracks."""
     items = (item for track in tracks.objects for item in track.buffer.items)
-    return list({(item.stamp, id(item.prepared_area)): item for item in items}.values())
+    views = {(item.stamp, id(item.prepared_area)): item for item in items}.values()
+    stamps = np.array([item.stamp for item in views], np.float64)
+    return Views(stamps, as_objects(item.visible_area for item in views))
 
 
 def _known_without_views(tracks: TrackTable, row: int) -> list[bool]:
@@ -272,10 +287,9 @@ def _nothing_known(_shape: PreparedPolygon, _begin: float) -> list[bool]:
     return []
 
 
-def was_without(tracks: TrackTable, row: int, views: Sequence[Evidence]) -> bool:
+def was_without(tracks: TrackTable, row: int, views: Views) -> bool:
     """Return whether the robot saw the place of a track before the track was seen there."""
-    begin = _began(tracks, row) - _BEFORE
-    areas = as_objects(view.visible_area for view in views if view.stamp < begin)
+    areas = views.areas[views.stamps < _began(tracks, row) - _BEFORE]
     shape = tracks.shapes.polygons[row].geometry
     if tracks.shapes.heights[row][0] > _ON_FLOOR:
         is_view = shapely.dwithin(areas, shape, _NEAR)

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import BoolArray
 from hypermap.history.likeness import FARTHEST, MIN_SHIFT
 from hypermap.mapping.compared_tracks import ComparedTracks, likeness_of_tracks, sides
-from hypermap.mapping.evidence_buffer import CONFIRMED, MAPPED, STALE, Evidence
-from hypermap.mapping.moved import GONE, views_of_tracks, was_without
+from hypermap.mapping.evidence_buffer import CONFIRMED, MAPPED, STALE
+from hypermap.mapping.moved import GONE, Views, views_of_tracks, was_without
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_colors import SAME_COLOR, color_distances
@@ -355,7 +355,7 @@ class Reunion:
         return known[1]
 
     @cached_property
-    def _views(self) -> list[Evidence]:
+    def _views(self) -> Views:
         return views_of_tracks(self._tracks)
 
 
