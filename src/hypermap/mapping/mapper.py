@@ -44,9 +44,8 @@ from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
 from hypermap.mapping.pictures import keep_pictures
 from hypermap.mapping.same_place import PlaceCheck
 from hypermap.mapping.sample_places import with_moved_samples
-from hypermap.mapping.second_look import SecondLook
+from hypermap.mapping.second_look import doubt_about_changes
 from hypermap.mapping.shifts import Shifts
-from hypermap.mapping.track_colors import objects_differ_in_color
 from hypermap.perception.detections import Detections
 from hypermap.perception.embedders.embedder import Embedder
 from hypermap.perception.frame import DetectionSource, RgbdFrame
@@ -84,6 +83,7 @@ class Mapper:
     Attributes:
         config: the settings.
         evidence: the objects and the evidence for them.
+        intake: which frames of the drive are mapped; counts them, and tells of the others.
         watch: called after each mapped frame; None for no observer.
         embedder: encodes what frames show of objects; None to only keep earlier embeddings. Set it
             by `embed_with`.
@@ -123,7 +123,7 @@ class Mapper:
         self.pose_changes: PoseChanges | None = None
         self._source = source or no_detections
         self._has_objects = self._looks_for_objects = source is not None
-        self._intake = FrameIntake(config.keyframes, drive)
+        self.intake = FrameIntake(config.keyframes, drive)
         self._given_occupancy = occupancy
         self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
         self._frame_id = frame_id
@@ -182,13 +182,13 @@ class Mapper:
         self.evidence.go_on_with(state.tracks, edits)
         published = {item.id for item in state.published}
         self.evidence.left_out = {n for n, *_ in self.evidence.summary()} - published
-        self._intake.go_on_after(state.drives, state.keyframe, state.counts)
+        self.intake.go_on_after(state.drives, state.keyframe, state.counts)
         if state.log_odds is not None:
             self._occupancy.go_on_with(state.first_cell, state.log_odds)
         if self._aligner is not None and state.alignment is not None:
             self._aligner.go_on_with(*state.alignment)
         self._frame_log = FrameLog(state.log)
-        if state.drives and state.drives[-1].name != self._intake.drive.name:
+        if state.drives and state.drives[-1].name != self.intake.drive.name:
             self._frame_log.end_drive()
 
     def go_on_in(self, hypermap: Hypermap, log: FrameLog) -> None:
@@ -199,7 +199,7 @@ class Mapper:
             log: the frames of that map.
         """
         self._base, self._shifts = hypermap, Shifts(hypermap.history)
-        self._shifts.add(log, self._frame_log, self._intake.drives())
+        self._shifts.add(log, self._frame_log, self.intake.drives())
 
     def embed_with(self, embedder: Embedder | None) -> None:
         """Embed the objects in later frames; None to stop.
@@ -226,7 +226,7 @@ class Mapper:
             BadFrame: If the source of detections fails, or the color cannot be read; the map stays
                 unchanged.
         """
-        if not self._intake.is_wanted(frame):
+        if not self.intake.is_wanted(frame):
             return None
         aligned = frame if self._aligner is None else self._aligner.align(frame)
         try:
@@ -236,13 +236,13 @@ class Mapper:
             raise BadFrame(str(error)) from error
         if aligned is not frame:
             perceived = perceived.corrected_from(frame.map_T_camera)
-        perceived = perceived.at(frame.stamp + self._intake.offset_of(frame))
-        self._intake.count_surplus(frame.stamp, perceived.surplus, len(perceived.detections))
+        perceived = perceived.at(frame.stamp + self.intake.offset_of(frame))
+        self.intake.count_surplus(frame.stamp, perceived.surplus, len(perceived.detections))
         if self._frame_log.is_full:
             self._frame_log.begin_part(self._map_before())
         if not self._fuse(frame.stamp, perceived):
             return None
-        self._intake.was_mapped(frame)
+        self.intake.was_mapped(frame)
         if self.place is not None:
             self.place.add(aligned, perceived)
         if self.pose_changes is not None:
@@ -265,7 +265,7 @@ class Mapper:
                 change = self._occupancy.change_by(perceived.cells)
             except HypermapError as error:  # one bad pose must not end an hour of mapping
                 self.keyframes.undo()
-                self.leave_out(stamp, str(error))
+                self.intake.leave_out(stamp, str(error))
                 return False
         if self._looks_for_objects:  # otherwise nothing that is not found would be missing
             self.evidence.update(perceived.observation)
@@ -344,7 +344,7 @@ class Mapper:
             CannotCorrect: If the trajectory lacks a pose for a frame of these drives, or the map
                 has no frames to map again; the map stays unchanged.
         """
-        drives = self._intake.drives()
+        drives = self.intake.drives()
         poses, is_moved = corrected_poses(self._frame_log, drives, trajectory, is_under_way)
         correction = Correction.of(self._frame_log, drives, poses, is_moved, is_under_way)
         if correction.most <= least:
@@ -366,7 +366,7 @@ class Mapper:
         Returns:
             Shapes (N,) and (N, 4, 4).
         """
-        rows = can_be_corrected(self._frame_log, self._intake.drives())
+        rows = can_be_corrected(self._frame_log, self.intake.drives())
         return self._frame_log.stamps[rows], self._frame_log.poses[rows]
 
     @property
@@ -394,9 +394,9 @@ class Mapper:
         metadata = made_metadata(
             self._base.metadata,
             self.config,
-            self._intake.drives(),
-            self._intake.all_counts,
-            self.surplus,
+            self.intake.drives(),
+            self.intake.all_counts,
+            self.intake.surplus,
             self._aligner if self.corrects_poses else None,
             self.evidence.hand_edits(),
         )
@@ -407,16 +407,20 @@ class Mapper:
 
     def _mapped(self, published: list[SemanticObject]) -> Mapped:
         """Return the source of the present changes, for the map's history."""
-        drive = self._intake.drive
+        drive = self.intake.drive
         shifts = self._shifts.by_id()
         name = drive.name or ("" if shifts is None else "corrected poses")
-        if not self._intake.is_another_drive:
+        if not self.intake.is_another_drive:
             return Mapped(name, drive.time, shifts=shifts)
-        log, drives = FrameLog(self._frame_log.parts), self._intake.drives()
-        before = layer_of_objects(self._base)
-        differ = partial(objects_differ_in_color, self.evidence.settled().snapshot())
-        look = SecondLook(log, drives, self.config, before, published, differ)
-        return Mapped(name, drive.time, look.chance, shifts)
+        doubt = doubt_about_changes(
+            self._frame_log.parts,
+            self.intake.drives(),
+            self.config,
+            layer_of_objects(self._base),
+            published,
+            self.evidence.settled(),
+        )
+        return Mapped(name, drive.time, doubt, shifts)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:
         """Return a copy of the state that is needed to continue."""
@@ -426,8 +430,8 @@ class Mapper:
             keyframe=self.keyframes.last,
             first_cell=first_cell,
             log_odds=log_odds,
-            drives=self._intake.drives(),
-            counts=self._intake.all_counts,
+            drives=self.intake.drives(),
+            counts=self.intake.all_counts,
             published=published,
             alignment=None if self._aligner is None else self._aligner.learned,
             log=FrameLog(self._frame_log.parts).parts,
@@ -452,30 +456,12 @@ class Mapper:
     @property
     def counts(self) -> Counts:
         """Frame counts of this drive so far."""
-        return self._intake.counts
-
-    @property
-    def surplus(self) -> int:
-        """Detections dropped so far, because their frames had too many."""
-        return self._intake.surplus
+        return self.intake.counts
 
     @property
     def keyframes(self) -> KeyframeSelector:
         """Skips frames whose camera has hardly moved."""
-        return self._intake.keyframes
-
-    @property
-    def first_reason(self) -> str:
-        """Why the first frame was left out as unusable; empty if none was."""
-        return self._intake.first_reason
-
-    def leave_out(self, stamp: float, reason: str) -> None:
-        """Count an unusable frame, and log the reason; see `LeftOutFrames.add`."""
-        self._intake.leave_out(stamp, reason)
-
-    def tell_left_out(self) -> None:
-        """Log how many frames more were left out, and which clocks are wrong."""
-        self._intake.tell_left_out()
+        return self.intake.keyframes
 
     @property
     def perceiver(self) -> Perceiver:

@@ -141,7 +141,7 @@ def map_recording(
     bad.finish()
     if mapper.place is not None:
         mapper.place.check(recording.path.name, is_last=True)
-    mapper.tell_left_out()
+    mapper.intake.tell_left_out()
     preflight.finish()
     hypermap = mapper.hypermap()
     hypermap.metadata["recording"] = _name_of(recording)
@@ -190,12 +190,12 @@ class _BadFrames:
         if self._most == 0:
             raise error
         self._count += 1
-        self._mapper.leave_out(stamp, str(error))
+        self._mapper.intake.leave_out(stamp, str(error))
         total, used = len(self._recording), self._mapper.counts.used
         if self._count > self._most * total or (used == 0 and self._count >= _MAX_FAILED_FIRST):
             raise HypermapError(
                 f"{self._recording.path}: {self._count} of {counted(total, 'frame')} cannot be "
-                f"used, which is too many; the first one: {self._mapper.first_reason}"
+                f"used, which is too many; the first one: {self._mapper.intake.first_reason}"
             )
 
     def finish(self) -> None:
@@ -206,7 +206,7 @@ class _BadFrames:
         """
         counts = self._mapper.counts
         if counts.used == counts.repeated == 0:
-            reason = self._mapper.first_reason
+            reason = self._mapper.intake.first_reason
             why = f"; the first one: {reason}" if reason else ""
             raise HypermapError(
                 f"{self._recording.path}: nothing to map: no frame of {counts.frames} "

@@ -9,9 +9,9 @@ have passed that the object would have stopped.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import shapely
@@ -28,10 +28,12 @@ from hypermap.history.likeness import MIN_MOVED, MIN_SHIFT, distance_between
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive, rows_of_drives
 from hypermap.mapping.evidence_buffer import CONFIRMED
-from hypermap.mapping.frame_log import FrameLog, LoggedFrame
+from hypermap.mapping.frame_log import FrameLog, LoggedFrame, LogPart
 from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.occlusion import sample_points, visible_shares
 from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.mapping.track_colors import objects_differ_in_color
+from hypermap.mapping.tracks import TrackTable
 
 _VISIBLE = 0.5  # share of an object that a frame must be able to see
 _BESIDE = 0.1  # [m] between an object and a detection of it, at most
@@ -75,6 +77,30 @@ class _Looks:
         if_there = _log_beta(_FOUND + self.detected, _MISSED + missed) - _log_beta(_FOUND, _MISSED)
         if_not = self.detected * math.log(_FALSE) + missed * math.log(1 - _FALSE)
         return 0.5 * (1 + math.tanh((if_there - if_not) / 2))
+
+
+def doubt_about_changes(
+    log: Iterable[LogPart],
+    drives: Sequence[Drive],
+    config: MappingConfig,
+    before: SemanticLayer | None,
+    after: Sequence[SemanticObject],
+    tracks: TrackTable,
+    present: int = 1,
+) -> Callable[[Change], float]:
+    """Return how likely it is that an object did not come or go, by a change; see `SecondLook`.
+
+    Args:
+        log: the parts of the log.
+        drives: as in `SecondLook`, as `config`, `before`, `after` and `present`.
+        config: likewise.
+        before: likewise.
+        after: likewise.
+        tracks: of the map, whose colors tell objects apart; may change later.
+        present: likewise.
+    """
+    differ = partial(objects_differ_in_color, tracks.snapshot())
+    return SecondLook(FrameLog(log), drives, config, before, after, differ, present).chance
 
 
 def _never(_before: int, _now: int) -> bool:

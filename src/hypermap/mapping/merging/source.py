@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 from hypermap.core.history import ADDED, Change, Mapped
 from hypermap.core.hypermap import Hypermap
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive
-from hypermap.mapping.frame_log import FrameLog
 from hypermap.mapping.going_on import layer_of_objects
 from hypermap.mapping.mapper_state import MapperState
-from hypermap.mapping.second_look import SecondLook
-from hypermap.mapping.track_colors import objects_differ_in_color
+from hypermap.mapping.second_look import doubt_about_changes
 
 
 def merged_source(
@@ -41,7 +38,11 @@ def merged_source(
     names = ", ".join(name for name, _ in sources if name)
     doubt = None
     if _are_last(drives, state.drives):
-        doubt = _doubt(state, len(drives), config, first, merged)
+        own, made = layer_of_objects(first), layer_of_objects(merged)
+        objects = [] if made is None else made.objects()
+        doubt = doubt_about_changes(
+            state.log, state.drives, config, own, objects, state.tracks, present=len(drives)
+        )
     shifts = None if before is None else before.shifts
     return Mapped(names, max(times, default=None), _doubt_of_both(first, doubt), shifts)
 
@@ -50,30 +51,6 @@ def _are_last(some: Sequence[Drive], drives: Sequence[Drive]) -> bool:
     """Return whether some drives, of which there is one at least, are the last ones of others."""
     last = [drive.keys for drive in drives[-len(some) :]]
     return len(some) > 0 and last == [drive.keys for drive in some]
-
-
-def _doubt(
-    state: MapperState, count: int, config: MappingConfig, first: Hypermap, merged: Hypermap
-) -> Callable[[Change], float]:
-    """Return how likely it is that what seems to have changed has not, by the last drives.
-
-    Args:
-        state: of the mapper of the merged map.
-        count: how many of its drives are the second map's, which are the last ones.
-        config: of both maps.
-        first: the first map.
-        merged: the merged one.
-    """
-    layer = layer_of_objects(merged)
-    return SecondLook(
-        FrameLog(state.log),
-        state.drives,
-        config,
-        layer_of_objects(first),
-        [] if layer is None else layer.objects(),
-        partial(objects_differ_in_color, state.tracks.snapshot()),
-        count,
-    ).chance
 
 
 def _doubt_of_both(
