@@ -6,6 +6,7 @@ import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -47,6 +48,45 @@ def test_an_mcap_file_of_another_program_is_said_to_be_one(tmp_path: Path) -> No
         writer.start(profile="", library="test")
         writer.finish()
     assert open_recording(path).info().missing == (f"{path}: only MCAP files of ROS 2 can be read",)
+
+
+@pytest.mark.parametrize(
+    "left_out",
+    [
+        {"index_types": "CHUNK"},  # as noMessageIndex of rosbag2 does
+        {"index_types": "NONE"},
+        {"repeat_channels": False},
+        {"repeat_schemas": False},
+        {"repeat_schemas": False, "use_chunking": False},
+        {"repeat_channels": False, "repeat_schemas": False, "use_statistics": False},
+    ],
+)
+def test_an_mcap_file_is_read_whatever_its_recorder_leaves_out_of_the_index(
+    tmp_path: Path, left_out: dict[str, Any]
+) -> None:
+    mcap = pytest.importorskip("mcap.writer")
+    make_reader = pytest.importorskip("mcap.reader").make_reader
+    path, schemas, channels = tmp_path / "a.mcap", dict[int, int](), dict[int, int]()
+    written = storage_file(write_bag(tmp_path, "mcap", SHOTS))
+    if "index_types" in left_out:
+        left_out = {"index_types": mcap.IndexType[left_out["index_types"]]}
+    with written.open("rb") as source, path.open("wb") as file:
+        writer = mcap.Writer(file, chunk_size=5000, **left_out)
+        writer.start(profile="ros2", library="test")
+        for schema, channel, message in make_reader(source).iter_messages():
+            if schema.id not in schemas:
+                given = schema.name, schema.encoding, schema.data
+                schemas[schema.id] = writer.register_schema(*given)
+            if channel.id not in channels:
+                schema_id = schemas[schema.id]
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", schema_id)
+            given = message.log_time, message.data, message.publish_time
+            writer.add_message(channels[channel.id], *given)
+        writer.finish()
+    for frame, shot in zip(frames_of(path), SHOTS, strict=True):
+        assert_shows(frame, shot)
+    streams = (open_recording(one).info().streams for one in (path, written))
+    assert len({tuple(one) for one in streams}) == 1
 
 
 def test_a_folder_without_metadata_is_read_from_its_only_file(tmp_path: Path) -> None:

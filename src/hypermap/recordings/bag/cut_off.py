@@ -201,6 +201,8 @@ class _McapReader(McapReader):
     def _open(self) -> None:
         try:
             super()._open()
+            if not self._is_indexed():
+                self._scan()
         except Exception:  # of many kinds
             if self.data_start:  # the header is that of ROS 2
                 self._open_cut_off()
@@ -227,13 +229,27 @@ class _McapReader(McapReader):
             self.data_end = ends[max(bisect_left(ends, self.bio.tell()) - 1, 0)]
             self._scan()
         assert self.statistics is not None
-        counts = self.statistics.channel_message_counts
-        self.connections = [c._replace(msgcount=counts.get(c.id, 0)) for c in self.connections]
         times = self.statistics.start_time, self.statistics.end_time
         count = self.statistics.message_count
         self.cut_off = _told(count, times, unread=size - self.data_end)
         if self.cut_off and is_whole:
             self.cut_off = f"is damaged, but only after its {counted(count, 'message')}"
+
+    def _is_indexed(self) -> bool:
+        """Whether all types, topics and messages are in the index: recorders may leave out each."""
+        found = self.statistics
+        assert found is not None
+        indexed: dict[int, int] = defaultdict(int)
+        for chunk in self.chunks:
+            for channel, count in chunk.channel_count.items():
+                indexed[channel] += count
+        return (
+            len(self.schemas) >= max(found.schema_count, 1)
+            and len(self.channels) >= found.channel_count
+            and all(one.msgtype == self.channels[one.id].schema for one in self.connections)
+            and indexed.keys() <= self.channels.keys()
+            and sum(indexed.values()) == (found.message_count if self.chunks else 0)
+        )
 
     def _scan(self) -> None:
         self.schemas.clear()
@@ -241,6 +257,9 @@ class _McapReader(McapReader):
         self.chunks.clear()
         self.connections.clear()
         self.meta_scan()
+        assert self.statistics is not None
+        counts = self.statistics.channel_message_counts
+        self.connections = [c._replace(msgcount=counts.get(c.id, 0)) for c in self.connections]
 
 
 class SqliteReader(Sqlite3Reader):
