@@ -195,6 +195,16 @@ def test_several_bags_that_are_not_parts_of_one_are_an_error(
     )
 
 
+def test_packed_parts_that_no_description_names_are_to_be_unpacked(tmp_path: Path) -> None:
+    for name in ("bag_0.mcap.zstd", "bag_1.mcap"):
+        (tmp_path / name).touch()
+    [problem] = open_recording(tmp_path).info().missing
+    assert problem.startswith(f"{tmp_path}: bag_0.mcap.zstd is packed, and there is no metadata")
+    (tmp_path / "bag_0.mcap").touch()
+    [problem] = open_recording(tmp_path).info().missing
+    assert problem.startswith(f"{tmp_path / 'bag_0.mcap'}: the bag cannot be read (")
+
+
 def test_a_folder_with_an_empty_description_of_a_bag_alone_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "metadata.yaml").touch()
     [problem] = open_recording(tmp_path).info().missing

@@ -74,9 +74,16 @@ def test_a_bag_that_was_cut_off_is_read_up_to_there(
 
 
 @pytest.mark.parametrize(
-    ("kind", "packed"), [("ros1", "LZ4"), ("ros1", "BZ2"), ("mcap", "STORAGE")]
+    ("kind", "packed"),
+    [
+        ("ros1", "LZ4"),
+        ("ros1", "BZ2"),
+        ("mcap", "STORAGE"),
+        ("mcap", "MESSAGE"),
+        ("db3", "MESSAGE"),
+    ],
 )
-def test_a_packed_bag_is_read_up_to_its_last_complete_chunk(
+def test_a_packed_bag_is_read_up_to_its_last_complete_chunk_or_message(
     tmp_path: Path, kind: str, packed: str
 ) -> None:
     recording = open_recording(cut(write(tmp_path, kind, packed=packed), 0.75))

@@ -79,6 +79,7 @@ def test_a_foreign_file_is_an_error_that_lists_what_was_looked_for(
     [
         ("seq.zip", "", "unpack seq.zip first"),
         ("seq.tar.gz", "seq.tar.gz", "unpack seq.tar.gz first"),
+        ("bag_0.db3.zstd", "", "unpack bag_0.db3.zstd first"),
         (
             "depth/frame_00001.png",
             "",

@@ -21,7 +21,7 @@ _LOOKED_FOR = (
     "others"
 )
 _BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
-_PACKED = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar")
+_PACKED = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar", ".zst", ".zstd", ".lz4")
 
 
 def open_recording(path: str | Path, options: RecordingOptions | None = None) -> PendingRecording:

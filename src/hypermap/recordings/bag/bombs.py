@@ -42,8 +42,7 @@ MOST_DEFINITION = 100_000  # characters of a connection's message definitions
 def bound_unpacking() -> None:
     """Let rosbags unpack no chunk or message beyond `MOST_BYTES`, and no file that is a bomb."""
     ros1.decompressors["bz2"] = _bounded(bz2.BZ2Decompressor)
-    ros1.decompressors["lz4"] = _bounded(lz4.frame.LZ4FrameDecompressor)
-    of_lz4, of_zstd = ros1.decompressors["lz4"], _bounded(zstd.ZstdDecompressor)
+    ros1.decompressors["lz4"] = of_lz4 = _bounded(lz4.frame.LZ4FrameDecompressor)
     mcap.DECOMPRESSORS["lz4"] = lambda data, _: of_lz4(data)
     mcap.DECOMPRESSORS["zstd"] = lambda data, _: of_zstd(data)
     vars(ros2)["zstd"] = SimpleNamespace(decompress=of_zstd, open=_BoundedFile)
@@ -107,6 +106,10 @@ def _bounded(decompressor: Callable[[], Any]) -> Callable[[bytes], bytes]:
         return pieces[0] if len(pieces) == 1 else b"".join(pieces)
 
     return unpacked
+
+
+of_zstd = _bounded(zstd.ZstdDecompressor)
+"""Returns what a packed chunk or message of ROS 2 unpacks to, unless it is too large."""
 
 
 class _BoundedFile(zstd.ZstdFile):

@@ -21,6 +21,7 @@ from hypermap.recordings.bag.bombs import (
     bounded_databases,
     check_definition,
     check_files,
+    of_zstd,
 )
 from hypermap.recordings.bag.cut_off import Ros1Reader, Ros2Reader, cut_off_in, log_of
 from hypermap.recordings.bag.definitions import DETECTION_TYPES, known_types
@@ -34,6 +35,7 @@ _REPAIR = {
     ".mcap": "mcap recover",
     ".db3": "ros2 bag reindex",
 }
+_ZSTD = b"\x28\xb5\x2f\xfd"  # begins no message
 _BEGINNINGS = {
     ".bag": b"#ROSBAG V",
     ".active": b"#ROSBAG V",
@@ -171,6 +173,8 @@ class BagFile:
         try:
             if is_ros1_bag(part):
                 return self._stores[key].deserialize_ros1(data, connection.msgtype)
+            if data[:4] == _ZSTD:  # only the metadata, which may be lost, says that it is packed
+                data = of_zstd(data)
             return self._stores[key].deserialize_cdr(data, connection.msgtype)
         except KeyError:
             raise FormatError(

@@ -25,13 +25,21 @@ def parts_of(path: Path) -> list[Path]:
     unless the recording was cut off.
 
     Raises:
-        FormatError: If a folder holds no bag, or several that are not parts of one.
+        FormatError: If a folder holds no bag, several that are not parts of one, or packed parts
+            without metadata.
     """
     metadata = path / "metadata.yaml"
     is_empty = metadata.is_file() and metadata.stat().st_size == 0  # as after a loss of power
     if path.is_file() or (metadata.exists() and not is_empty):
         return [path]
     files = sorted(file for file in path.iterdir() if file.suffix in ENDINGS)
+    for packed in sorted(path.glob("*.zstd")):  # by ROS 2, part by part, when each was complete
+        if packed.stem.endswith(ENDINGS) and not packed.with_suffix("").exists():
+            raise FormatError(
+                f"{packed.name} is packed, and there is no metadata.yaml that says so; unpack it "
+                "with `zstd -d`",
+                path=path,
+            )
     if not files:
         raise FormatError("there is an empty metadata.yaml, but no file of a bag", path=path)
     if len(files) == 1:
