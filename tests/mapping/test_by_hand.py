@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
 from hypothesis import given, settings
@@ -240,6 +241,34 @@ def test_of_two_that_become_one_the_edited_one_stays_and_two_edited_ones_stay_tw
         found = [(item.id, item.name) for item in evidence.objects()]
         assert [one for one in found if one in expected] == expected
         assert not any(name == "chair" and number in edits for number, name in found)
+
+
+BOW_TIE = shapely.Polygon([(-0.5, -0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, 0.5)])
+STAR = shapely.Polygon([(0, 0.6), (0.35, -0.5), (-0.57, 0.2), (0.57, 0.2), (-0.35, -0.5)])
+TO_AND_FRO = shapely.Polygon([(-0.5, 0), (0.5, 0), (0.5, 0.5), (0.5, 0), (0, 0), (0, 0.5)])
+LINE = shapely.Polygon([(-0.5, 0), (0.5, 0), (0, 0)])
+
+
+@pytest.mark.parametrize("later", [0.0, DAY], ids=["in the same drive", "in the next one"])
+@pytest.mark.parametrize("is_drawn", [False, True], ids=["reshaped", "drawn"])
+@pytest.mark.parametrize(
+    "outline", [BOW_TIE, STAR, TO_AND_FRO, LINE], ids=["bow tie", "star", "spike", "line"]
+)
+def test_an_outline_that_crosses_itself_can_be_mapped_onto(
+    outline: shapely.Polygon, is_drawn: bool, later: float
+) -> None:
+    evidence, rng = EvidenceMap(DEFAULT), np.random.default_rng(0)
+    for second in range(6):
+        evidence.update(seen(square(0.0, side=0.6), stamp=second))
+    drawn = SemanticObject("chair", outline, id=7)
+    edits = {7: HandEdit(drawn=drawn)} if is_drawn else {0: HandEdit(footprint=outline)}
+    evidence.go_on_with(evidence.tracks(), edits)
+    for second in range(100, 140):
+        places = rng.uniform((-0.4, -0.4, 0.3), (0.4, 0.4, 0.9), (1 + second % 2, 3))
+        shapes = [square(x, y, side) for x, y, side in places]
+        evidence.update(seen(*shapes, stamp=later + second))
+    found = {item.id: item.footprint for item in evidence.objects()}
+    assert found[7 if is_drawn else 0].equals_exact(outline, 0)
 
 
 ACTIONS = st.sampled_from(["rename", "move", "delete", "draw", "nothing"])

@@ -6,8 +6,11 @@ import dataclasses
 from collections.abc import Mapping
 
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import as_objects
 from hypermap.core.objects import SemanticObject
+from hypermap.core.shapes import valid_copies
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.evidence_buffer import EvidenceBuffer
 from hypermap.mapping.prepared_polygon import PreparedPolygon
@@ -36,7 +39,7 @@ def protected(
     displaced: list[int] = []  # rows of deleted objects
     for number in sorted(rows.keys() | edits.keys()):
         edit, row = edits.get(number), rows.get(number)
-        shape = None if edit is None or edit.shape is None else PreparedPolygon.of(edit.shape)
+        shape = None if edit is None or edit.shape is None else _prepared(edit.shape)
         was_drawn = row is not None and _is_drawn(tracks, row)
         is_drawn = edit is not None and edit.drawn is not None
         if row is not None and is_drawn == was_drawn:
@@ -58,6 +61,19 @@ def protected(
         track = dataclasses.replace(tracks.objects[row], id=table.next_id)
         table.add(track, 0, tracks.shapes.polygons[row], (0.0, 0.0), config.max_existence)
     return table
+
+
+def _prepared(outline: BaseGeometry) -> PreparedPolygon:
+    """Return what mapping computes with of an outline that people have drawn.
+
+    It may cross itself. One without area stays as it is.
+    """
+    (valid,) = valid_copies(as_objects([outline]))
+    if valid is outline:
+        return PreparedPolygon.of(outline)
+    parts = shapely.get_parts(shapely.get_parts(valid))  # lines, too, where it runs to and fro
+    areas = parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+    return PreparedPolygon.of(shapely.multipolygons(areas) if len(areas) else outline)
 
 
 def _is_another(tracks: TrackTable, row: int, drawn: SemanticObject) -> bool:
