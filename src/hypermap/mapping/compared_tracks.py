@@ -32,16 +32,16 @@ class ComparedTracks:
         fresh: rows of the others.
         areas: of their shapes [m²], shapes (N,) and (M,).
         shared: areas that two of them share [m²], shape (N, M).
-        ways: distances of their centers [m], shape (N, M).
-        higher: by which share their heights differ, beyond the error, shape (N, M).
+        distances: between their centers [m], shape (N, M).
+        height_gaps: share of the height by which two differ, beyond the error, 0..1, shape (N, M).
     """
 
     known: Rows
     fresh: Rows
     areas: tuple[NDArray[np.float64], NDArray[np.float64]]
     shared: NDArray[np.float64]
-    ways: NDArray[np.float64]
-    higher: NDArray[np.float64]
+    distances: NDArray[np.float64]
+    height_gaps: NDArray[np.float64]
 
     @classmethod
     def of(cls, tracks: TrackTable, known: Rows, fresh: Rows) -> ComparedTracks:
@@ -54,13 +54,13 @@ class ComparedTracks:
         for i, j in np.argwhere(meet.all(axis=2)).tolist():
             one, other = shapes.polygons[known[i]], shapes.polygons[fresh[j]]
             shared[i, j] = other.cached(_shared_with, one)
-        ways = shapely.distance(shapely.centroid(a)[:, None], shapely.centroid(b))
-        ways = np.nan_to_num(ways, nan=math.inf)  # what is empty is far from everything
+        distances = shapely.distance(shapely.centroid(a)[:, None], shapely.centroid(b))
+        distances = np.nan_to_num(distances, nan=math.inf)  # what is empty is far from everything
         areas = shapely.area(a), shapely.area(b)
-        return cls(known, fresh, areas, shared, ways, _higher(tracks, known, fresh))
+        return cls(known, fresh, areas, shared, distances, _height_gaps(tracks, known, fresh))
 
 
-def _higher(tracks: TrackTable, known: Rows, fresh: Rows) -> NDArray[np.float64]:
+def _height_gaps(tracks: TrackTable, known: Rows, fresh: Rows) -> NDArray[np.float64]:
     """Return by which share the heights of tracks differ, beyond their error, shape (N, M).
 
     A view that ends at the border of its image, or at what is in front, may lack the top. So the

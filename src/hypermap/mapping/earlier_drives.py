@@ -202,11 +202,11 @@ def beside(shape: PreparedPolygon, class_: int, tracks: TrackShapes) -> list[tup
         return []
     place = shape.geometry.centroid
     rows = tracks.near(class_, place.buffer(_BESIDE).bounds)
-    ways = [
+    distances = [
         (float(shapely.distance(tracks.polygons[row].geometry.centroid, place)), row)
         for row in rows
     ]
-    return [(way, row) for way, row in ways if way < _BESIDE]
+    return [(distance, row) for distance, row in distances if distance < _BESIDE]
 
 
 def _move(table: TrackTable, known: int, fresh: int, confidence: float) -> None:

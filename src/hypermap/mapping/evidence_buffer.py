@@ -104,10 +104,10 @@ class Evidence:
 
 def _seen_of(items: Sequence[Evidence]) -> NDArray[np.float64]:
     """Return `Evidence.seen` of some pieces, shape (N, 7)."""
-    ways = np.array([item.centroid_xy - item.map_T_camera[:2, 3] for item in items])
+    offsets = np.array([item.centroid_xy - item.map_T_camera[:2, 3] for item in items])
     shapes = [(item.score, 0.0, item.prepared.area, *item.prepared.box) for item in items]
     found = np.array(shapes, np.float64)
-    found[:, 1] = np.hypot(ways[:, 0], ways[:, 1])
+    found[:, 1] = np.hypot(offsets[:, 0], offsets[:, 1])
     return found
 
 
@@ -350,11 +350,11 @@ class EvidenceBuffer:
             return 0.0
         if self._angle is None:
             cameras = np.array([item.map_T_camera[:2, 3] for item in self.items]).reshape(-1, 2)
-            ways = cameras - np.median(self.centroids, axis=0)
-            lengths = np.hypot(*ways.T)
+            offsets = cameras - np.median(self.centroids, axis=0)
+            lengths = np.hypot(*offsets.T)
             is_aside = lengths > 0.01  # not above the object
-            ways = ways[is_aside] / lengths[is_aside, np.newaxis]
-            self._angle = math.acos(min(max(float((ways @ ways.T).min(initial=1)), -1), 1))
+            offsets = offsets[is_aside] / lengths[is_aside, np.newaxis]
+            self._angle = math.acos(min(max(float((offsets @ offsets.T).min(initial=1)), -1), 1))
         return self._angle
 
     @property

@@ -66,7 +66,7 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
     gone, there = _gone_and_new(tracks, config)
     if not there:  # the usual case, which is fast
         return []
-    is_near, ways = _within_reach(tracks, gone, there)
+    is_near, distances = _within_reach(tracks, gone, there)
     may_be = _possible(tracks, gone, there, is_near, stamp)
     if may_be.any():
         is_near &= ~differ_in_color(tracks, gone, there)
@@ -80,7 +80,7 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig, stamp: float = np.inf
     alike[alike < MAY_BE] = 0
     _leave_out_older(alike, _gone_since(tracks, gone))
     alike[~may_be] = 0
-    rows, cols = linear_sum_assignment(np.where(alike > 0, ways, 1e6))
+    rows, cols = linear_sum_assignment(np.where(alike > 0, distances, 1e6))
     found = []
     for i, j in zip(rows.tolist(), cols.tolist(), strict=True):
         if alike[i, j] > 0:
@@ -184,18 +184,18 @@ def _within_reach(
         For each gone track and each new one, shape (N, M) both.
     """
     centers = [shapely.centroid(tracks.shapes.geometries(rows)) for rows in (gone, there)]
-    ways = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
+    distances = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
     names = [np.array([tracks.objects[row].name for row in rows]) for rows in (gone, there)]
     buffers = [tracks.objects[row].buffer for row in gone]
     left, last = np.array([(one.surely_there[1], one.last_seen) for one in buffers]).T
     first = np.array([_began(tracks, row) for row in there])
     is_same_class = names[0][:, None] == names[1][None, :]
-    is_near = is_same_class & (first[None, :] > left[:, None]) & (ways <= FARTHEST)
+    is_near = is_same_class & (first[None, :] > left[:, None]) & (distances <= FARTHEST)
     is_near &= np.array(gone)[:, None] != np.array(there)[None, :]  # one seen again
     for i, j in np.argwhere(is_near & (first[None, :] <= last[:, None])).tolist():
         track, other = tracks.objects[gone[i]], tracks.objects[there[j]]
         is_near[i, j] = not track.co_occurrences[other.id]
-    return is_near, ways
+    return is_near, distances
 
 
 def _possible(

@@ -2,7 +2,8 @@
 
 A known object has stayed, was moved, has left, or was not seen; a track of the drive is one of
 them, or new. Each of these has a cost, the negative logarithm of how likely it is: 1 more is less
-likely by a factor of e.
+likely by a factor of e. Their values were chosen on simulated series of drives, with seeds of
+development (`hypermap experiment days`, benchmarks/RESULTS.md).
 """
 
 from __future__ import annotations
@@ -164,13 +165,13 @@ class Reunion:
 
     def _costs_of_staying(self, one: ComparedTracks) -> NDArray[np.float64]:
         """Return what it costs that each known object is each of the others, shape (N, M)."""
-        objects, is_near = self._tracks.objects, one.ways < _SAME_PLACE
+        objects, is_near = self._tracks.objects, one.distances < _SAME_PLACE
         least = np.minimum(one.areas[0][:, None], one.areas[1])
         most = np.maximum(one.areas[0][:, None], one.areas[1])
         ious = one.shared / np.maximum(least + most - one.shared, _TINY)
         parts = one.shared / np.maximum(least, _TINY)
         alike = np.maximum(np.maximum(ious, _PART * parts), np.where(is_near, _BESIDE, 0))
-        costs = _UNLIKE * (1 - alike) + _AWAY * one.ways + _HIGHER * one.higher
+        costs = _UNLIKE * (1 - alike) + _AWAY * one.distances + _HIGHER * one.height_gaps
         is_often_seen = np.array([objects[row].buffer.count >= CONFIRMED for row in one.fresh])
         for i, row in enumerate(one.known):
             if objects[row].buffer.count == 1:
@@ -188,7 +189,7 @@ class Reunion:
         gone = np.array([self._is_gone(row) for row in one.known])[:, None]
         if not (gone & (self._stays[one] < _NEVER)).any():
             return np.zeros(gone.shape)
-        costs = (_RAISED - _HIGHER) * one.higher + self._costs_of_color(one)
+        costs = (_RAISED - _HIGHER) * one.height_gaps + self._costs_of_color(one)
         return np.where(gone, costs, 0.0)
 
     def _costs_of_moving(
@@ -198,8 +199,10 @@ class Reunion:
 
         Only where that may be less than that the one has left, and the other one came.
         """
-        costs = _MOVED + _FAR * (_times(one.ways, _NEAREST) + _times(one.ways, _ACROSS))
-        costs += _RAISED * one.higher
+        costs = _MOVED + _FAR * (
+            _log_ratios(one.distances, _NEAREST) + _log_ratios(one.distances, _ACROSS)
+        )
+        costs += _RAISED * one.height_gaps
         for i, row in enumerate(one.known):
             if not self._is_gone(row):
                 costs[i] += _STILL_THERE * (1 - self._missed(row))
@@ -249,7 +252,7 @@ class Reunion:
                 for row in one.fresh
             ]
         )
-        found: BoolArray = (one.ways >= MIN_SHIFT) & (one.ways <= FARTHEST)
+        found: BoolArray = (one.distances >= MIN_SHIFT) & (one.distances <= FARTHEST)
         found &= (first > last[:, None]) & is_known[:, None] & is_sure
         return found
 
@@ -359,9 +362,9 @@ class Reunion:
         return views_of_tracks(self._tracks)
 
 
-def _times(ways: NDArray[np.float64], least: float) -> NDArray[np.float64]:
-    """Return the logarithms of how many times as long as some least way others are; 0 if not."""
-    return np.asarray(np.log(np.maximum(ways, least) / least))
+def _log_ratios(distances: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Return the logarithms of distances over a least one [m]; 0 for shorter ones."""
+    return np.asarray(np.log(np.maximum(distances, least) / least))
 
 
 def _confidence(moves: NDArray[np.float64], i: int, j: int) -> float:

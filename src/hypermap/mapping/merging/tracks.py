@@ -140,19 +140,19 @@ def _doubles(first: TrackTable, second: TrackTable, partners: dict[int, int]) ->
     with a nearer partner.
     """
     taken = {row: second.objects[second.rows_of([other])[0]] for other, row in partners.items()}
-    ways: list[tuple[float, int, int]] = []
+    distances: list[tuple[float, int, int]] = []
     for row, track in enumerate(second.objects):
         if track.id not in partners and track.by_hand is None:
             polygon, class_ = second.shapes.polygons[row], int(second.shapes.classes[row])
             heights = second.shapes.heights[row]
-            ways += [
-                (way, row, match)
-                for way, match in beside(polygon, class_, first.shapes)
+            distances += [
+                (distance, row, match)
+                for distance, match in beside(polygon, class_, first.shapes)
                 if first.objects[match].by_hand is None
                 and at_same_height(heights, first.shapes.heights[match])
             ]
     found: dict[int, int] = {}
-    for _, row, match in sorted(ways):
+    for _, row, match in sorted(distances):
         track, partner = second.objects[row], taken.get(match)
         if track.id not in found and (partner is None or not are_two(partner, track, 0)):
             found[track.id] = match
