@@ -233,6 +233,34 @@ def test_a_damaged_chunk_of_a_bag_that_has_its_index_is_left_out(tmp_path: Path,
     assert depth.count == len(SHOTS) - 1
 
 
+@pytest.mark.parametrize(
+    ("kind", "packed"), [("ros1", "LZ4"), ("ros1", "BZ2"), ("mcap", "STORAGE")]
+)
+def test_of_a_chunk_whose_content_is_damaged_only_its_messages_are_lost(
+    tmp_path: Path, kind: str, packed: str
+) -> None:
+    path = write(tmp_path, kind, packed=packed)
+    content = bytearray(path.read_bytes())
+    if kind == "ros1":
+        at = -1
+        for _ in range(6):
+            at = content.index(b"compression=", at + 1)
+    else:
+        chunks = [n for n in range(40) if content[begin_of_record(content, n)] == 0x06]
+        at = begin_of_record(content, chunks[5])
+    content[at + 200 : at + 240] = b"\xff" * 40
+    path.write_bytes(content)
+    recording = open_recording(path)
+    bad: list[str] = []
+    frames = list(recording.frames(lambda _, error: bad.append(str(error))))
+    for frame in frames:
+        stamps = [round(shot.stamp / 1e9, 6) for shot in SHOTS]
+        assert_shows(frame, SHOTS[stamps.index(round(frame.stamp, 6))])
+    assert len(SHOTS) - 2 <= len(frames) < len(SHOTS)
+    assert bad
+    assert all(one.endswith(": a chunk of the bag is damaged") for one in bad)
+
+
 @pytest.mark.parametrize(("lost", "zeros"), [(8, 0), (0, 4096)])
 def test_a_file_that_is_damaged_after_its_messages_is_read_as_whole(
     tmp_path: Path, lost: int, zeros: int

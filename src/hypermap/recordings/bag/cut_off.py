@@ -1,8 +1,8 @@
 """Readers of bags that end early: the robot lost its power, or a copy broke off.
 
 A bag's index comes last, and rosbags reads no bag without it. Here, each format is read as far as
-it goes, and a reader's `cut_off` says how far that is. What comes after the first damage is lost,
-but for the chunks of a ROS 1 bag that has its index.
+it goes, and a reader's `cut_off` says how far that is. What comes after the first damage is lost.
+Of a bag that has its index, only the damaged chunks are lost.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import shlex
 from array import array
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Generator, Iterator, Mapping
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from urllib.parse import quote
 
 import apsw
@@ -30,10 +30,12 @@ from rosbags.rosbag1.reader import (
     read_bytes,
     read_uint32,
 )
+from rosbags.rosbag2 import storage_mcap
 from rosbags.rosbag2.reader import DirectoryReader
-from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader, Msg
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+from hypermap.core.errors import HypermapError
 from hypermap.recordings.messages.header import as_seconds
 from hypermap.text import counted
 
@@ -101,6 +103,33 @@ class Ros1Reader(rosbag1.Reader):
             self._damaged.add(pos)
             if len(self._damaged) == len(self.chunk_infos):
                 raise
+
+    def messages(
+        self,
+        connections: Collection[Connection] = (),
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        """Yield messages; for each topic in a damaged chunk, one without content."""
+        while True:
+            done: dict[int, int] = defaultdict(int)
+            try:
+                for connection, time, data in super().messages(connections, start, stop):
+                    done[connection.id] += 1
+                    yield connection, time, data
+                return
+            except (HypermapError, MemoryError):
+                raise
+            except Exception:  # of many kinds
+                lefts = {c.id: self.indexes[c.id][done[c.id] :] for c in connections}
+                damaged = min(left[0] for left in lefts.values() if left).chunk_pos
+            for connection in connections:
+                left = lefts[connection.id]
+                kept = [entry for entry in left if entry.chunk_pos != damaged]
+                self.indexes[connection.id] = kept
+                if len(kept) < len(left):
+                    lost = next(entry for entry in left if entry.chunk_pos == damaged)
+                    yield connection, lost.time, b""
 
     def _leave_out_damaged(self) -> None:
         infos = [info for info in self.chunk_infos if info.pos in self._damaged]
@@ -260,6 +289,24 @@ class _McapReader(McapReader):
         assert self.statistics is not None
         counts = self.statistics.channel_message_counts
         self.connections = [c._replace(msgcount=counts.get(c.id, 0)) for c in self.connections]
+
+
+def _messages_of_chunk(
+    chunk: ChunkInfo, channels: dict[int, Connection], start: int, stop: int, file: BinaryIO
+) -> Iterator[Msg]:
+    """Yield the messages of a chunk; for each topic in a damaged one, one without content."""
+    try:
+        yield from _read_chunk(chunk, channels, start, stop, file)
+    except (HypermapError, MemoryError):
+        raise
+    except Exception:  # of many kinds
+        for number in channels.keys() & chunk.channel_count.keys():
+            time, place = chunk.message_start_time, chunk.chunk_start_offset
+            yield Msg(time, place, channels[number], b"")
+
+
+_read_chunk = storage_mcap.msgsrc
+vars(storage_mcap)["msgsrc"] = _messages_of_chunk
 
 
 class SqliteReader(Sqlite3Reader):

@@ -167,6 +167,8 @@ class BagFile:
         return _Contents(parts, topics, cut_off)
 
     def _decode(self, part: Path, connection: Connection, data: bytes) -> Any:
+        if not data:
+            raise DamagedMessage("a chunk of the bag is damaged", key=connection.topic)
         key = connection.msgtype, connection.msgdef.data
         if key not in self._stores:
             self._stores[key] = _types_of(connection)

@@ -119,7 +119,7 @@ def _times_in_chunks(storage: McapReader, topics: Collection[int]) -> IntArray:
 
 
 def _times_of_chunk(storage: McapReader, chunk: ChunkInfo, topics: Collection[int]) -> IntArray:
-    """Return what the index of a chunk says; a chunk without one has no messages of any topic."""
+    """Return what the index of a chunk says; none if there is no index, or a damaged one."""
     assert storage.bio is not None  # it is open
     entries = b""
     for number in topics:
@@ -128,4 +128,6 @@ def _times_of_chunk(storage: McapReader, chunk: ChunkInfo, topics: Collection[in
             storage.bio.seek(chunk.message_index_offsets[number] + _INDEX_HEAD)
             entries += storage.bio.read(size)
     times, offsets = np.frombuffer(entries[: len(entries) // 16 * 16], "<i8").reshape(-1, 2).T
+    if ((times < chunk.message_start_time) | (times > chunk.message_end_time)).any():
+        return times[:0]
     return times[np.argsort(offsets, kind="stable")]
