@@ -70,6 +70,15 @@ def test_changes_tells_what_changed_since_a_time_or_a_version(hypermap: Run, off
     assert lines[-1] == "1 moved, 1 gone"
 
 
+def test_changes_says_that_a_name_is_none_of_the_map(hypermap: Run, office: Path) -> None:
+    result = hypermap("changes", office, "--name", "chiar")
+    assert result.out == "nothing changed\n"
+    expected = "no object is called 'chiar', now or in the history; did you mean 'chair'?\n"
+    assert result.err == expected
+    for name in ("sofa", "table", "desk"):  # which is gone, was renamed, and is there
+        assert hypermap("changes", office, "--since", "v3", "--name", name).err == ""
+
+
 def test_places_of_changes_are_in_the_base_frame(hypermap: Run, tmp_path: Path) -> None:
     frames = FrameTree()
     frames.add(Transform("map", "annex", Pose2D(10.0, 0.0, math.pi / 2)))

@@ -87,6 +87,7 @@ def command(
     unknown = unknown_since(hypermap, since)
     if unknown:
         note(unknown)
+    _tell_unknown_names(hypermap, names or ())
     shown_changes = found if as_json or show_all else worth_showing(found)
     if picture is not None:  # first: nobody may read what is printed
         from hypermap.evaluation import Changes
@@ -105,6 +106,22 @@ def command(
             note(f"{counted(left_out, 'doubtful change')} left out; --all shows them")
     if picture is not None:
         note(f"saved {picture}")
+
+
+def _tell_unknown_names(hypermap: Hypermap, names: Sequence[str]) -> None:
+    """Say which of some names no object has or had, as far as the map's history is known."""
+    from hypermap.console.moments import changes_since
+    from hypermap.core.errors import did_you_mean
+    from hypermap.core.semantic import SemanticLayer
+
+    layers = (layer for layer in hypermap if isinstance(layer, SemanticLayer))
+    known = {item.name for layer in layers for item in layer.objects()} if names else set()
+    for _, change in changes_since(hypermap, None) if set(names) - known else ():
+        known |= change.names
+    for name in names:
+        if name not in known:
+            hint = did_you_mean(name, sorted(known))
+            note(f"no object is called {name!r}, now or in the history; {hint}")
 
 
 def _unchanged(
