@@ -74,7 +74,16 @@ def test_what_is_no_map_says_so(tmp_path: Path) -> None:
         assert str(error.value).startswith(f"{tmp_path / name}: {message}")
     with pytest.raises(FormatError) as folder:
         open_map(tmp_path)
-    assert str(folder.value) == f"{tmp_path}: is a folder without hmap_config.yaml"
+    assert str(folder.value) == (
+        f"{tmp_path}: is a folder without hmap_config.yaml, so it is not a map; `hypermap map` "
+        "makes a map of a recording"
+    )
+    bag = tmp_path / "drive.bag"
+    bag.write_bytes(b"#ROSBAG V2.0")
+    with pytest.raises(FormatError) as recording:
+        open_map(bag)
+    expected = f"{bag}: is a bag, not a map; `hypermap map` makes a map of a recording"
+    assert str(recording.value) == expected
     for missing in ("none.hmap", "none.yaml", "none/none"):
         with pytest.raises(FileMissing) as error_missing:
             open_map(tmp_path / missing)

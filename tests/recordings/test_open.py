@@ -64,7 +64,7 @@ def test_nothing_at_all_is_an_error(tmp_path: Path) -> None:
     assert str(caught.value) == f"{tmp_path}/nowhere: there is no such file or folder"
 
 
-@pytest.mark.parametrize("name", ["map.hmap", "README", "frame-000000.depth.png"])
+@pytest.mark.parametrize("name", ["map.pdf", "README", "frame-000000.depth.png"])
 def test_a_foreign_file_is_an_error_that_lists_what_was_looked_for(
     tmp_path: Path, name: str
 ) -> None:
@@ -80,6 +80,7 @@ def test_a_foreign_file_is_an_error_that_lists_what_was_looked_for(
         ("seq.zip", "", "unpack seq.zip first"),
         ("seq.tar.gz", "seq.tar.gz", "unpack seq.tar.gz first"),
         ("bag_0.db3.zstd", "", "unpack bag_0.db3.zstd first"),
+        ("office.hmap", "office.hmap", "this is a map, which --onto continues with a recording"),
         (
             "depth/frame_00001.png",
             "",

@@ -56,6 +56,8 @@ MAPPER_STATE = "mapper_state"
 """The configuration's key that names the file of what mapping needs to go on."""
 
 _YAML_ENDINGS = (".yaml", ".yml")
+_BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
+_TO_MAP = "`hypermap map` makes a map of a recording"
 
 
 def open_map(path: str | Path) -> Hypermap:
@@ -77,9 +79,12 @@ def open_map(path: str | Path) -> Hypermap:
         try:
             return _open_yaml(path / CONFIG_NAME)
         except FileMissing:
-            raise FormatError(f"is a folder without {CONFIG_NAME}", path=path) from None
+            message = f"is a folder without {CONFIG_NAME}, so it is not a map; {_TO_MAP}"
+            raise FormatError(message, path=path) from None
     if path.suffix.lower() in _YAML_ENDINGS:
         return _open_yaml(path)
+    if path.suffix.lower() in _BAG_ENDINGS and path.is_file():
+        raise FormatError(f"is a bag, not a map; {_TO_MAP}", path=path)
     store = read_archive(path)
     if CONFIG_NAME not in store.files:
         raise FormatError(f"is a zip archive without {CONFIG_NAME}, so it is not a map", path=path)

@@ -55,6 +55,8 @@ def open_recording(path: str | Path, options: RecordingOptions | None = None) ->
 
 def _hint(path: Path) -> str:
     """Return what may be wrong with a file or folder that is no recording; "" if unknown."""
+    if path.suffix == ".hmap":
+        return "; this is a map, which --onto continues with a recording"
     inside = [path] if path.is_file() else sorted(path.iterdir())
     if packed := next((p for p in inside if p.suffix.lower() in _PACKED and p.is_file()), None):
         return f"; unpack {packed.name} first"
