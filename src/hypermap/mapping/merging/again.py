@@ -25,7 +25,7 @@ from hypermap.mapping.evidence_buffer import FoundEvidence
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, LogPart, MapBefore, packed_frame
 from hypermap.mapping.going_on import CannotGoOn
 from hypermap.mapping.known_ids import shared_observations, with_known_ids
-from hypermap.mapping.merging.edits import deleted_at, with_edits
+from hypermap.mapping.merging.edits import Deleted, with_edits
 from hypermap.mapping.merging.logged import LoggedDrive, Side, in_order
 from hypermap.mapping.merging.tracks import Joined
 from hypermap.mapping.occupancy import OccupancyMapper
@@ -155,9 +155,10 @@ def _joined(
             are added.
         config: of both.
     """
+    deleted = Deleted.of(tracks)
     for track in sides[1].tracks.objects:
         if track.id not in numbers:
-            number = deleted_at(tracks, sides[1].tracks, track.id)
+            number = deleted.at(sides[1].tracks, track.id)
             numbers[track.id] = tracks.next_id if number is None else number
             tracks.next_id += number is None
     tracks, conflicts = with_edits(tracks, sides, numbers, config)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.merging.logged import Side
 from hypermap.mapping.merging.moving import renumbered
-from hypermap.mapping.prepared_polygon import shared_area
+from hypermap.mapping.prepared_polygon import PreparedPolygon, shared_area
 from hypermap.mapping.protection import protected
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable
@@ -41,8 +42,9 @@ def with_edits(
         if own in other and not (is_piece and sides[1].tracks.objects[other[own]].is_deleted):
             theirs.setdefault(number, other[own])
     twins = set[int]()  # deleted in the second map, and left without evidence of the first
+    deleted = Deleted.of(tracks)
     for number in mine:
-        twin = deleted_at(tracks, sides[0].tracks, number)
+        twin = deleted.at(sides[0].tracks, number)
         if twin in theirs and twin not in mine:
             theirs[number] = theirs.pop(twin)
             twins.add(twin)
@@ -71,24 +73,36 @@ def with_edits(
     return table, frozenset(mine.keys() & theirs.keys())
 
 
-def deleted_at(tracks: TrackTable, other: TrackTable, number: int) -> int | None:
-    """Return the id of a track that people have deleted at the place of one of another table.
+@dataclass(frozen=True)
+class Deleted:
+    """Tracks that people have deleted: their ids, names and shapes.
 
-    Frames that are mapped again leave it without evidence, so that nothing else tells that the two
-    are one. None if there is no such track.
-
-    Args:
-        tracks: in which it is looked for.
-        other: the other table, in the same frame.
-        number: the id of its track.
+    Frames that are mapped again leave them without evidence, so that only their places tell which
+    tracks of another map are the same.
     """
-    for row in other.rows_of([number]):
-        name, shape = other.objects[row].name, other.shapes.polygons[row]
-        for track, there in zip(tracks.objects, tracks.shapes.polygons, strict=True):
-            is_one = track.is_deleted and track.name == name
-            if is_one and shared_area(shape, there) >= _SAME_PLACE * min(shape.area, there.area):
-                return track.id
-    return None
+
+    rows: list[tuple[int, str, PreparedPolygon]]
+
+    @classmethod
+    def of(cls, tracks: TrackTable) -> Deleted:
+        """Return those of a table."""
+        pairs = zip(tracks.objects, tracks.shapes.polygons, strict=True)
+        return cls([(track.id, track.name, shape) for track, shape in pairs if track.is_deleted])
+
+    def at(self, tracks: TrackTable, number: int) -> int | None:
+        """Return the id of the one at the place of a track of another table; None if there is none.
+
+        Args:
+            tracks: the other table, in the same frame.
+            number: the id of its track.
+        """
+        for row in tracks.rows_of([number]) if self.rows else ():
+            shape = tracks.shapes.polygons[row]
+            for own, name, there in self.rows:
+                least = _SAME_PLACE * min(shape.area, there.area)
+                if name == tracks.objects[row].name and shared_area(shape, there) >= least:
+                    return own
+        return None
 
 
 def _edited(tracks: TrackTable) -> dict[int, int]:

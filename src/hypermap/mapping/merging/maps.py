@@ -19,7 +19,7 @@ from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.merging.again import MappedAgain, map_both_again
 from hypermap.mapping.merging.before import joined_before
-from hypermap.mapping.merging.edits import deleted_at
+from hypermap.mapping.merging.edits import Deleted
 from hypermap.mapping.merging.grids import added_layers
 from hypermap.mapping.merging.layers import grid_of, merged_layers
 from hypermap.mapping.merging.logged import Side, in_order, kept_drives
@@ -225,12 +225,12 @@ def _counted(
     mine, others, there = _names(maps[0]), _names(maps[1]), _names(hypermap).keys()
     own_ids = {joined.ids[own]: own for own in others if own in joined.ids}
     theirs = {number: others[own] for number, own in own_ids.items()}
+    by_hand = Deleted.of(joined.tracks)
     deleted = {
         number: name
         for side, names, ids in ((sides[1], theirs, own_ids), (sides[0], mine, {}))
         for number, name in names.items()
-        if number not in there
-        and deleted_at(joined.tracks, side.tracks, ids.get(number, number)) is not None
+        if number not in there and by_hand.at(side.tracks, ids.get(number, number)) is not None
     }
     return Merged(
         hypermap=hypermap,
