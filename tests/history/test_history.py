@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
@@ -427,6 +428,18 @@ def test_what_has_expired_is_not_in_force_and_is_logged_when_it_is_removed() -> 
     left = in_force(hypermap, TUESDAY)
     assert left.semantic().names.tolist() == ["table", "chair", "zone"]
     assert [change.kind for change in revisions(grown(left, TUESDAY))[-1].changes] == ["expired"]
+
+
+@pytest.mark.parametrize("said", ["?", math.nan, 10**400, True, [TUESDAY]])
+def test_what_expires_at_no_time_never_does_and_others_do(
+    said: object, caplog: pytest.LogCaptureFixture
+) -> None:
+    hypermap = office()
+    hypermap.semantic().add([box("zone", 7, 6, expires=said), box("floor", 5, 5, expires=TUESDAY)])
+    assert next_expiry(hypermap) == TUESDAY
+    assert "is no time, so it never expires" in caplog.text
+    left = in_force(hypermap, TUESDAY)
+    assert left.semantic().names.tolist() == ["table", "chair", "zone"]
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from datetime import date, datetime, time
 
 from hypermap.core.hypermap import Hypermap
@@ -25,17 +26,33 @@ def expiry_of(item: SemanticObject) -> float | None:
     1795629600.0
     """
     value = item.attributes.get(EXPIRES)
-    if isinstance(value, date) and not isinstance(value, datetime):
-        value = datetime.combine(value, time())
-    try:
-        if isinstance(value, str):
-            value = time_from_iso(value)
-        if isinstance(value, datetime):
-            return value.timestamp()  # without a zone, of this computer's
-    except (ValueError, OverflowError, OSError):
-        _log.warning("%s %s: %r is no time, so it never expires", item.name, item.id, value)
+    if value is None:
         return None
-    return float(value) if isinstance(value, int | float) and type(value) is not bool else None
+    try:
+        moment = _seconds(value)
+    except (ValueError, TypeError, OverflowError, OSError):
+        moment = math.nan
+    if math.isnan(moment):
+        _log.warning("%s %s: %.50r is no time, so it never expires", item.name, item.id, value)
+        return None
+    return moment
+
+
+def _seconds(value: object) -> float:
+    """Return a time as seconds since 1970, NaN if it is none.
+
+    Raises:
+        ValueError, TypeError, OverflowError, OSError: If it cannot be read as a time.
+    """
+    if isinstance(value, str):
+        value = time_from_iso(value)
+    elif isinstance(value, date) and not isinstance(value, datetime):
+        value = datetime.combine(value, time())
+    if isinstance(value, datetime):
+        return value.timestamp()  # without a zone, of this computer's
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return math.nan
+    return float(value)
 
 
 def next_expiry(hypermap: Hypermap) -> float | None:

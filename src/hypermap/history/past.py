@@ -27,9 +27,8 @@ from hypermap.values.past import values_at
 def as_of(hypermap: Hypermap, moment: datetime | date | str | float) -> Hypermap:
     """Return a map as it was at a time: its objects with their names and shapes.
 
-    Objects were last seen when the latest of their kept observations by then was made, or else the
-    first.
-    Measured values are of the samples that had been taken by then (`values.past`). Grids,
+    An object was last seen at the newest of its kept observations by then, or else at the first
+    one. Measured values are of the samples that had been taken by then (`values.past`). Grids,
     notes and transforms are those of today, and layers that are not there any more are left out.
     Mapping cannot continue such a map.
 
