@@ -317,6 +317,22 @@ def test_what_an_earlier_drive_has_detected_already_was_not_added() -> None:
     assert told(back) == [("added", 4)]
 
 
+def test_what_was_part_of_another_one_that_stays_was_not_added() -> None:
+    def bench(number: int, begin: float, end: float, name: str = "bench") -> SemanticObject:
+        return SemanticObject(name, shapely.box(begin, 0, end, 0.5), id=number)
+
+    monday = mapped(office(), MONDAY, bench(2, 0, 3.8))
+    cases: list[tuple[SemanticObject, SemanticObject, list[tuple[str, int]]]] = [
+        (bench(2, 1.9, 3.8), bench(3, 0, 1.8), [("reshaped", 2), ("first seen", 3)]),
+        (bench(2, 0.1, 3.9), bench(3, 2, 2.4, "cup"), [("added", 3)]),  # of another class
+        (bench(2, 1.9, 3.8), bench(3, -1.4, 0.4), [("reshaped", 2), ("added", 3)]),  # beside it
+        (bench(2, 8, 11.8), bench(3, 0, 1.8), [("moved", 2), ("added", 3)]),  # in its place
+    ]
+    for rest, other, changes in cases:
+        assert told(mapped(monday, TUESDAY, rest, other)) == changes
+    assert told(mapped(monday, TUESDAY, bench(3, 0, 1.8))) == [("gone", 2), ("added", 3)]
+
+
 def test_what_frames_of_the_other_drive_show_was_not_added_and_may_not_be_gone() -> None:
     chances = {2: 0.9, 3: 0.9, 4: 0.1}  # that it did not come or go
 

@@ -47,14 +47,15 @@ def test_shelves_in_a_row_whose_views_reach_over_the_next_one_stay_two() -> None
     assert mapped(1.3) == [0.0, 1.4]
 
 
-def test_parts_that_no_frame_shows_together_become_one_of_any_size() -> None:
-    evidence = EvidenceMap(published_all(dataclasses.replace(DEFAULT, loss=0.0)))
-    for _ in range(3):
-        evidence.update(seen(strip(0, 2.6)))
-    evidence.update(seen(strip(2.1, 4.1)))
-    for _ in range(6):
-        evidence.update(seen(strip(1.4, 4.1)))
-    assert len(evidence) == 1
+def test_parts_that_no_frame_shows_together_become_one_that_is_hardly_longer_than_a_view() -> None:
+    for end, count in ((3.3, 1), (4.1, 2)):
+        evidence = EvidenceMap(published_all(dataclasses.replace(DEFAULT, loss=0.0)))
+        for _ in range(3):
+            evidence.update(seen(strip(0, 2.6)))
+        evidence.update(seen(strip(2.1, end)))
+        for _ in range(6):
+            evidence.update(seen(strip(1.4, end)))
+        assert len(evidence) == count
 
 
 def test_the_sizes_of_views_are_those_that_are_kept() -> None:

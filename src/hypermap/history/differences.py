@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from shapely import affinity
 
+from hypermap.core.arrays import as_objects
 from hypermap.core.history import (
     ADDED,
     CORRECTED,
@@ -26,6 +27,7 @@ from hypermap.core.history import (
 )
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.shapes import valid_copies
 from hypermap.history.expiry import expiry_of
 from hypermap.history.likeness import (
     MIN_SHIFT,
@@ -41,6 +43,8 @@ MOVE = "moved"
 
 _MEASURED = {"evidence", "z_min", "z_max", "by_hand", MOVE}  # attributes that mapping writes
 _TOLERANCE = 1e-6  # meters between points that are the same
+_PART = 0.8  # share of an object that another one was, from which on it was part of it
+_STILL_THERE = 0.5  # share of an object that is where it was, from which on it was not moved
 _SAME_WHEN_EDITED = 0.9  # likeness of shapes from which on a person has moved an object
 
 
@@ -80,6 +84,8 @@ def differences(
         if number not in was:
             item = new.object(row)
             kind, sure = _came(item, cause, known_until), _sureness(item, cause)
+            if kind == ADDED and cause == "mapping" and _was_part(item, old, new, at):
+                kind = FIRST_SEEN
             found[number] = Change(kind, layer.name, None, item, confidence=sure)
     both = [number for number in at if number in was]
     rows = np.array([[was[number], at[number]] for number in both], np.int64).reshape(-1, 2)
@@ -120,6 +126,30 @@ def _came(item: SemanticObject, cause: Cause, known_until: float) -> str:
     since = said.get("since") if isinstance(said, Mapping) else None
     is_moved = isinstance(since, int | float) and since > known_until
     return FIRST_SEEN if item.first_seen <= known_until and not is_moved else ADDED
+
+
+def _was_part(
+    item: SemanticObject, old: ObjectTable, new: ObjectTable, at: Mapping[int, int]
+) -> bool:
+    """Return whether an object was part of one that still is where it was: one became two.
+
+    Args:
+        item: the object, which is not in `old`.
+        old: the objects before.
+        new: the objects after.
+        at: their rows, by their ids.
+    """
+    boxes = shapely.envelope(old.footprints)
+    is_like = (old.names == item.name) & shapely.intersects(boxes, item.footprint.envelope)
+    for row in np.flatnonzero(is_like).tolist():
+        still = at.get(int(old.ids[row]))
+        if still is not None:
+            whole = old.footprints[row]
+            *parts, whole = valid_copies(as_objects([item.footprint, new.footprints[still], whole]))
+            shared = shapely.area(shapely.intersection(parts, whole))
+            if (shared >= np.array([_PART, _STILL_THERE]) * shapely.area(parts)).all():
+                return True
+    return False
 
 
 def _left(layer: str, item: SemanticObject, cause: Cause, now: float) -> Change:

@@ -10,12 +10,13 @@ import shapely
 from hypermap.mapping.evidence_buffer import CONFIRMED
 from hypermap.mapping.footprint_iou import at_same_height
 from hypermap.mapping.published import PublishedTracks
-from hypermap.mapping.seen_sizes import may_be_one
+from hypermap.mapping.seen_sizes import hull_of_both, may_be_one
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import are_two
 
 _SELDOM = 0.3  # share of the frames with one track that have the other, where that is a part of it
 _SAME_PLACE = 0.5  # Jaccard index from which two published footprints are one object
+_IN_A_ROW = 1.4  # times as long as the longer one, from which on two are beside each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +50,8 @@ class MergeRules:
         """Return whether two tracks may be one object: not if many frames show both.
 
         A few frames may show one object in two parts, if the tracks fill the same space; and more
-        of them, if they are few of those that show the object. If any frame shows both, they must
-        together be no larger than one object is seen to be.
+        of them, if they are few of those that show the object. If any frame shows both, or they are
+        in a row, they must together be no larger than one object is seen to be.
         """
         one, other = (self.published.tracks.objects[which] for which in (row, match))
         if other.id in self.observed:
@@ -60,7 +61,16 @@ class MergeRules:
         few = shown_together < CONFIRMED or seldom <= _SELDOM * often
         if are_two(one, other) and not (few and self._fill_one_place(row, match)):
             return False
-        return shown_together == 0 or self._have_size_of_one(row, match)
+        may_be_two = shown_together > 0 or self._are_in_a_row(row, match)
+        return not may_be_two or self._have_size_of_one(row, match)
+
+    def _are_in_a_row(self, row: int, match: int) -> bool:
+        """Return whether two tracks are longer together than errors of poses make one object."""
+        shapes = self.published.tracks.shapes
+        one, other = shapes.polygons[row], shapes.polygons[match]
+        length = hull_of_both(one, other).diameter
+        longer = max(one.diameter, other.diameter)
+        return length >= max(_IN_A_ROW * longer, longer + self.published.config.tolerance)
 
     def _have_size_of_one(self, row: int, match: int) -> bool:
         """Return whether two tracks together are no larger than one object is seen to be."""

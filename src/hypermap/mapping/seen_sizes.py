@@ -41,8 +41,7 @@ def may_be_one(
     if max_growth == np.inf:
         return True
     one_shape, other_shape = one[1], other[1]
-    both = shapely.convex_hull(shapely.union(one_shape.geometry, other_shape.geometry))
-    size = _size(PreparedPolygon.of(both))
+    size = _size(hull_of_both(one_shape, other_shape))
     absorbing = _ABSORBED * np.maximum(_size(one_shape), _size(other_shape))
     growth = np.array([max_growth, max_growth**2])
     seen = np.vstack([one[0].buffer.sizes, other[0].buffer.sizes]).max(axis=0, initial=0)
@@ -52,6 +51,12 @@ def may_be_one(
     views = np.vstack([np.empty((0, 2)), *(track.buffer.sizes for track in like)])
     usual = np.quantile(views, _MOST, axis=0) if len(views) else np.zeros(2)
     return bool((size <= np.maximum(largest, growth * usual)).all())
+
+
+def hull_of_both(one: PreparedPolygon, other: PreparedPolygon) -> PreparedPolygon:
+    """Return the convex hull of two shapes together."""
+    both = shapely.union(one.geometry, other.geometry)
+    return PreparedPolygon.of(shapely.convex_hull(both))
 
 
 def _size(shape: PreparedPolygon) -> NDArray[np.float64]:
