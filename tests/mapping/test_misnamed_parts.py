@@ -47,6 +47,15 @@ def test_others_stay(other: SemanticObject) -> None:
     assert ids(PLANT, other, *BENCHES) == {0, 1, 2, 3}
 
 
+def test_a_side_of_a_table_is_no_bench_and_a_chair_under_it_is_one() -> None:
+    table = thing(0, "table", square(0, side=0.5), 1.0)
+    side = thing(1, "bench", square(0, side=0.45), 0.8, low=0.3, evidence=9)
+    assert ids(table, side, *BENCHES) == {0, 2, 3}
+    chairs = [thing(n, "chair", square(x, side=0.4), 0.9) for n, x in ((2, 3.0), (3, 5.0))]
+    front = thing(1, "chair", square(0, side=0.2), 0.9, evidence=9)  # most of it is hidden
+    assert ids(table, front, *chairs) == {0, 1, 2, 3}
+
+
 def test_a_cup_in_a_sink_is_as_large_as_other_cups() -> None:
     sink = thing(0, "sink", square(0), 1.1, low=0.8, evidence=90)
     cups = [thing(n, "cup", square(x, side=0.08), 1.0, low=0.9) for n, x in ((1, 0.2), (2, 3.0))]

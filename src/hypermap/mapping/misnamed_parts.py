@@ -18,7 +18,7 @@ from hypermap.core.semantic import SemanticObject
 from hypermap.core.shapes import valid_copies
 
 _INSIDE = 0.5  # share of its volume that is inside of another object, at least
-_SMALL = 0.1  # of the volume that is usual for its class in this map, at most
+_SMALL = 0.16  # of the volume that is usual for its class in this map, at most
 _TINY = 1e-9
 
 
