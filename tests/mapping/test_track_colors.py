@@ -36,7 +36,7 @@ RED, GREEN, BLUE, WHITE, BLACK = (
 FIXED = (((-6, 6), GREEN), ((0, 6), BLUE), ((6, 6), RED))
 """Chairs that stay."""
 
-Chairs = Sequence[tuple[tuple[float, float], Rgb]]
+Chairs = Sequence[tuple[tuple[float, float], Rgb | None]]
 
 
 def look(
@@ -48,16 +48,20 @@ def look(
 ) -> None:
     """Add a frame that shows chairs at these places, of these colors in this light.
 
-    The first one may be of another class.
+    The first one may be of another class. None: of several colors.
     """
     objects = tuple(
         ObservedObject("chair" if i else first, 1.0, square(*place), 0.1, 0.9)
         for i, (place, _) in enumerate(chairs)
     )
     evidence.update(Observation(stamp, np.eye(4), objects, ROOM))
-    lit = [np.clip(np.multiply(color, gains), 0, 255) for _, color in chairs]
-    colors = [(int(r), int(g), int(b)) for r, g, b in lit]
+    colors = [None if color is None else lit(color, gains) for _, color in chairs]
     evidence.add_colors(stamp, dict(zip(objects, colors, strict=True)))
+
+
+def lit(color: Rgb, gains: Sequence[float]) -> Rgb:
+    r, g, b = np.clip(np.multiply(color, gains), 0, 255)
+    return int(r), int(g), int(b)
 
 
 def two_days(
@@ -120,6 +124,22 @@ def test_a_bench_has_the_colors_of_its_seat_and_of_its_legs(
         look(evidence, (((-3, 0), sides[second % 3]), *FIXED), second, (1, 1, 1))
     for second in range(40):
         look(evidence, (((3, 0), BLACK), *FIXED), DAY + second, (1, 1, 1))
+    centers = {item.id: item.footprint.centroid for item in evidence.objects()}
+    (number,) = (n for n, center in centers.items() if abs(center.x - 3) < 0.1 > abs(center.y))
+    assert (number == 0) == is_same
+
+
+@pytest.mark.parametrize(
+    ("views", "is_same"), [((RED, None, None), True), ((RED, RED, None), False)]
+)
+def test_what_one_view_shows_of_a_chair_of_several_colors_is_not_its_color(
+    views: Sequence[Rgb | None], is_same: bool
+) -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        look(evidence, (((-3, 0), GREEN), *FIXED), second, (1, 1, 1))
+    for second in range(40):
+        look(evidence, (((3, 0), views[second % 3]), *FIXED), DAY + second, (1, 1, 1))
     centers = {item.id: item.footprint.centroid for item in evidence.objects()}
     (number,) = (n for n, center in centers.items() if abs(center.x - 3) < 0.1 > abs(center.y))
     assert (number == 0) == is_same

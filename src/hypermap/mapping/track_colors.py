@@ -24,6 +24,7 @@ SAME_COLOR = 12.0
 
 _SHADE = 3.0  # times as bright as in another view, with another side in the light
 _OFTEN = 0.3  # share of a drive's views that show a side, at least: others are of other things
+_PLAIN = 0.5  # share of a drive's views in one color, at least: few may show one side only
 _COMMON = 3  # objects in two drives from which the light of one is known from the other's
 _DARK = 0.002  # added to linear channels, whose ratios say little where they are nearly 0
 _UNKNOWN = np.full(3, np.nan)
@@ -120,16 +121,20 @@ class _Paint(NamedTuple):
 
 
 def _paints(buffer: EvidenceBuffer) -> tuple[_Paint, ...]:
-    """Return the color of an object in each drive of which it is known, oldest first."""
+    """Return the color of an object in each drive of which it is known, oldest first.
+
+    It is not known where most views are of several colors, as of a plant in its pot.
+    """
     return _paints_of(buffer.colors)
 
 
 @lru_cache(maxsize=2000)
 def _paints_of(colors: tuple[SeenColor, ...]) -> tuple[_Paint, ...]:
-    colors = tuple(color for color in colors if color.rgb is not None)
     ends = [i + 1 for i, (a, b) in enumerate(pairwise(colors)) if b.stamp - a.stamp > STALE]
     parts = [colors[i:j] for i, j in pairwise([0, *ends, len(colors)]) if j > i]
-    return tuple(_paint_of(part) for part in parts)
+    plain = [[one for one in part if one.rgb is not None] for part in parts]
+    pairs = zip(parts, plain, strict=True)
+    return tuple(_paint_of(some) for part, some in pairs if len(some) >= _PLAIN * len(part) > 0)
 
 
 def _paint_of(colors: Sequence[SeenColor]) -> _Paint:
