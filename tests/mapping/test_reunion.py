@@ -199,6 +199,21 @@ def test_an_id_that_has_been_known_for_a_day_stays() -> None:
     assert only(evidence).id == 1
 
 
+@pytest.mark.parametrize(
+    ("often", "misses", "ids"), [(4, 0, [0, 1]), (4, 6, [0]), (40, 0, [0, 1]), (40, 20, [0])]
+)
+def test_what_a_drive_has_missed_may_have_moved_though_it_is_not_gone(
+    often: int, misses: int, ids: list[int]
+) -> None:
+    evidence = EvidenceMap(dataclasses.replace(DEFAULT, loss=0.5))
+    for second in range(often):
+        evidence.update(seen(square(-3), stamp=second))
+    for second in range(30):
+        area = ROOM if second < misses else RIGHT
+        evidence.update(seen(square(0.6), area=area, stamp=DAY + second))
+    assert [item.id for item in evidence.objects()] == ids
+
+
 @pytest.mark.parametrize(("bottom", "is_same"), [(0.6, True), (0.1, False)])
 def test_what_a_drive_sees_of_an_object_over_a_table_may_be_all_of_it(
     bottom: float, is_same: bool
