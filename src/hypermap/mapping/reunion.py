@@ -208,7 +208,8 @@ class Reunion:
                 costs[i] += _STILL_THERE * (1 - self._missed(row))
             elif self._was_gone(row):
                 costs[i] += _LONG_GONE
-        possible = self._may_have_moved(one) & (costs < leaving[:, None] + _CAME)
+        coming = _CAME + self._rarity(self._tracks.objects[one.fresh[0]].name)
+        possible = self._may_have_moved(one) & (costs < leaving[:, None] + coming)
         if possible.any():
             costs += self._costs_of_color(one)
         for i, j in np.argwhere(possible).tolist():
