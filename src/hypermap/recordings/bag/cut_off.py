@@ -7,6 +7,7 @@ Of a bag that has its index, only the damaged chunks are lost.
 
 from __future__ import annotations
 
+import heapq
 import os
 import shlex
 from array import array
@@ -30,9 +31,8 @@ from rosbags.rosbag1.reader import (
     read_bytes,
     read_uint32,
 )
-from rosbags.rosbag2 import storage_mcap
 from rosbags.rosbag2.reader import DirectoryReader
-from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader, Msg
+from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader, Msg, msgsrc
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from hypermap.core.errors import HypermapError
@@ -264,6 +264,31 @@ class _McapReader(McapReader):
         if self.cut_off and is_whole:
             self.cut_off = f"is damaged, but only after its {counted(count, 'message')}"
 
+    def messages(
+        self,
+        connections: Collection[Connection],
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        """Yield messages; for each topic in a damaged chunk, one without content."""
+        if not self.chunks:
+            yield from super().messages(connections, start, stop)
+            return
+        assert self.bio is not None  # it is open
+        channels = {connection.id: connection for connection in connections}
+        sources = []
+        for chunk in self.chunks:
+            first = chunk.message_start_time if start is None else start
+            end = chunk.message_end_time + 1 if stop is None else stop
+            is_in_time = first <= chunk.message_end_time and chunk.message_start_time < end
+            if is_in_time and any(chunk.channel_count.get(number, 0) for number in channels):
+                sources.append(_messages_of_chunk(chunk, channels, first, end, self.bio))
+        for time, place, connection, data in heapq.merge(*sources):
+            if place:  # the first item of a source only says when its chunk begins
+                assert connection is not None
+                assert data is not None
+                yield connection, time, data
+
     def _is_indexed(self) -> bool:
         """Whether all types, topics and messages are in the index: recorders may leave out each."""
         found = self.statistics
@@ -296,17 +321,13 @@ def _messages_of_chunk(
 ) -> Iterator[Msg]:
     """Yield the messages of a chunk; for each topic in a damaged one, one without content."""
     try:
-        yield from _read_chunk(chunk, channels, start, stop, file)
+        yield from msgsrc(chunk, channels, start, stop, file)
     except (HypermapError, MemoryError):
         raise
     except Exception:  # of many kinds
         for number in channels.keys() & chunk.channel_count.keys():
             time, place = chunk.message_start_time, chunk.chunk_start_offset
             yield Msg(time, place, channels[number], b"")
-
-
-_read_chunk = storage_mcap.msgsrc
-vars(storage_mcap)["msgsrc"] = _messages_of_chunk
 
 
 class SqliteReader(Sqlite3Reader):
