@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import functools
 import math
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,8 +19,6 @@ from hypermap import (
     SemanticLayer,
     SemanticObject,
     Transform,
-    open_map,
-    save_map,
 )
 from hypermap.core.frames import FrameTree
 from hypermap.core.history import History, Mapped
@@ -31,130 +26,36 @@ from hypermap.core.pictures import best_pictures
 from hypermap.core.trajectory import trajectory_of
 from hypermap.history import as_of
 from hypermap.mapping.config import profile
-from hypermap.mapping.correcting import CannotCorrect
-from hypermap.mapping.counts import Counts
-from hypermap.mapping.drives import Drive
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.frame_log import LoggedFrame, LogPart, MapBefore, packed_frame
+from hypermap.mapping.frame_log import LoggedFrame, packed_frame
 from hypermap.mapping.going_on import CannotGoOn, state_of
 from hypermap.mapping.mapper import Mapper
-from hypermap.mapping.mapper_state import MapperState, dump_state
+from hypermap.mapping.mapper_state import dump_state
 from hypermap.mapping.merging import CannotMerge, Merged, merge_maps
-from hypermap.mapping.merging.logged import Side, kept_drives
 from hypermap.mapping.merging.moving import moved_tracks
 from hypermap.mapping.moved_frames import moved_frames
 from hypermap.mapping.overrides import override
-from hypermap.mapping.tracks import TrackTable
-from hypermap.perception.detectors.sources import detections_from_recording
-from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
-from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording
-from hypermap.simulation.trajectory import DrivePlan
-from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
-from .evidence_tools import DEFAULT, seen, square
+from .merging_tools import (
+    ALL,
+    DAY,
+    HERE,
+    MOVED,
+    OTHER_FRAME,
+    SOURCE,
+    centroid,
+    changed,
+    first_day,
+    frames,
+    iou,
+    mapped,
+    objects_of,
+    second_day,
+    written,
+)
 
 pytestmark = pytest.mark.xdist_group("merging")  # they share what takes long to make
-
-DAY = 86_400.0
-SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
-SOURCE = detections_from_recording()
-
-THINGS = {
-    "table": WorldObject("table", (3.4, 3.0), size={"length": 0.8, "width": 0.8}),
-    "plant": WorldObject("plant", (3.4, 0.8)),
-    "chair": WorldObject("chair", (2.6, 2.2)),
-    "chair elsewhere": WorldObject("chair", (2.3, 0.9)),
-    "monitor": WorldObject("monitor", (3.4, 3.0), yaw_deg=-150, z=0.74),
-}
-ALL = "table", "plant", "chair"
-MOVED = "table", "plant", "chair elsewhere"
-HERE = Pose2D()
-
-OTHER_FRAME = Pose2D(4.0, -2.5, 2.1)
-"""Where the map frame of the second day's robot is in that of the first one's."""
-
-
-@functools.cache
-def frames(*things: str) -> tuple[RgbdFrame, ...]:
-    """Return the frames of a drive through a room with these objects."""
-    look = [(0.7, 1.9, degrees) for degrees in (-50, 50, -50, 50, 0)]
-    room = World(
-        "room",
-        FloorPlan((0, 0, 5, 4)),
-        objects=tuple(THINGS[thing] for thing in things),
-        walls=(Wall(rectangle=(-0.05, -0.05, 5.05, 4.05)), Wall(line=((1.6, 4), (1.6, 3.4)))),
-        drive=DrivePlan(((0.6, 2.0), *look), speed=0.3, turn_rate_deg=20),
-    )
-    recording = SimulatedRecording(
-        room,
-        detector_noise=EXACT_DETECTOR,
-        has_masks=True,
-        has_occupancy=False,
-        camera=SMALL,
-        rate=2.0,
-    )
-    return tuple(recording.frames())
-
-
-def mapped(
-    shots: Sequence[RgbdFrame],
-    map_T_world: Pose2D = HERE,
-    later: float = 0.0,
-    onto: Hypermap | None = None,
-    **changes: object,
-) -> Hypermap:
-    """Return the map of frames, in another frame and some time later."""
-    matrix = np.eye(4)
-    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = map_T_world.matrix()
-    config = override(profile("default"), changes)
-    drive = f"day {later / DAY:.0f}"
-    if onto is None:
-        mapper = Mapper(config, SOURCE, drive=drive)
-    else:
-        mapper = Mapper.onto(onto, SOURCE, drive=drive)
-    for shot in shots:
-        pose = matrix @ shot.map_T_camera
-        mapper.add(dataclasses.replace(shot, stamp=shot.stamp + later, map_T_camera=pose))
-    return mapper.hypermap()
-
-
-@functools.cache
-def first_day() -> Hypermap:
-    return mapped(frames(*ALL))
-
-
-@functools.cache
-def second_day(*things: str) -> Hypermap:
-    """Return the map of the next day, in a frame of its own."""
-    return mapped(frames(*things), OTHER_FRAME.inverse(), DAY)
-
-
-def objects_of(hypermap: Hypermap) -> dict[str, SemanticObject]:
-    """Return the objects by their names, which differ."""
-    found = {item.name: item for item in hypermap.semantic("semantic")}
-    assert len(found) == len(hypermap.semantic("semantic"))
-    return found
-
-
-def centroid(item: SemanticObject) -> tuple[float, float]:
-    return item.footprint.centroid.x, item.footprint.centroid.y
-
-
-def iou(one: SemanticObject, other: SemanticObject) -> float:
-    a, b = one.footprint, other.footprint
-    return float(a.intersection(b).area / a.union(b).area)
-
-
-def changed(hypermap: Hypermap, path: Path) -> Hypermap:
-    """Return a map as a user opens it."""
-    save_map(hypermap, path)
-    return open_map(path)
-
-
-def written(hypermap: Hypermap, path: Path) -> bytes:
-    save_map(hypermap, path)
-    return path.read_bytes()
 
 
 def test_the_same_room_in_another_frame_gives_the_map_of_both_drives() -> None:
@@ -284,138 +185,6 @@ def test_what_the_first_of_two_merged_maps_has_changed_is_no_doubtful_change(
     told = {(each.kind, each.object.name) for each in history.revisions()[-1].changes}
     assert told == {("added", "chair"), ("gone", "plant")}
     assert not any(each.is_doubtful for each in history.revisions()[-1].changes)
-
-
-def test_without_a_clock_the_second_map_is_the_later_one() -> None:
-    later = mapped(frames(*MOVED), later=0.3)
-    for first, second in ((first_day(), later), (later, first_day())):
-        merged = merge_maps(first, second, HERE)
-        assert merged.both == 3
-        place = centroid(objects_of(second)["chair"])
-        assert centroid(objects_of(merged.hypermap)["chair"]) == pytest.approx(place, abs=0.05)
-        drives = state_of(merged.hypermap, profile("default")).drives
-        assert drives[1].first + drives[1].offset > drives[0].last + 3600
-
-
-def test_drives_of_two_maps_are_mapped_in_the_order_of_time() -> None:
-    days = mapped(frames(*MOVED), later=2 * DAY, onto=first_day())
-    between = second_day("table", "plant")
-    for first, second, pose in (
-        (days, between, OTHER_FRAME),
-        (between, days, OTHER_FRAME.inverse()),
-    ):
-        merged = merge_maps(first, second, pose).hypermap
-        names = [drive["name"] for drive in merged.metadata["drives"]]
-        assert names == ["day 0", "day 1", "day 2"]
-        found = objects_of(merged)
-        assert found.keys() == {"table", "plant", "chair"}
-        place = HERE if first is days else OTHER_FRAME
-        assert place.apply([centroid(found["chair"])])[0] == pytest.approx((2.3, 0.9), abs=0.15)
-
-
-def side_of(
-    logged: Sequence[tuple[float, float]], until: float = -math.inf, later: float = 0.0
-) -> Side:
-    """Return a map of drives whose frames are kept, from one stamp to another, and older ones."""
-    drives = [Drive("older", until - 60, until, [0, 1])] if until > -math.inf else []
-    parts = []
-    for begin, end in logged:
-        tracks = TrackTable(DEFAULT.max_existence)
-        if drives:
-            evidence = EvidenceMap(DEFAULT)
-            evidence.update(seen(square(0, 0, 0.5), stamp=drives[-1].last))
-            tracks = evidence.tracks()
-        before = MapBefore(tracks, np.zeros(2, np.int64), None)
-        parts.append(LogPart(before, [begin, end], [b""] * 2, [np.eye(4)] * 2))
-        drives.append(Drive(f"{begin}", begin, end, [0, 1]))
-    table = TrackTable(DEFAULT.max_existence)
-    state = MapperState(table, None, np.zeros(2, np.int64), None, drives, Counts(), [], log=parts)
-    return Side("map", state, table, HERE, later)
-
-
-HOUR = 3600.0
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "expected"),
-    [
-        # The next day goes on from the first map, in both orders.
-        (([(0, 60)],), ([(DAY, DAY + 60)],), (1, 0)),
-        (([(DAY, DAY + 60)],), ([(0, 60)],), (0, 1)),
-        # Days in turn: from the second one on.
-        (([(0, 60), (2 * DAY, 2 * DAY + 60)],), ([(DAY, DAY + 60)],), (1, 0)),
-        # What is older than what the other map keeps no frames of is joined as it is.
-        (([(8 * DAY, 8 * DAY + 60)], 7 * DAY), ([(5 * DAY, 5 * DAY + 60)],), (0, 1)),
-        # Two robots at the same time, of which the frames of the last minutes are kept.
-        (([(3 * HOUR, 3.3 * HOUR)], 3 * HOUR), ([(3.1 * HOUR, 3.4 * HOUR)], 3.1 * HOUR), (0, 0)),
-        # A map without drives, or without frames.
-        (([],), ([(0, 60)],), (0, 1)),
-        (([], DAY), ([(0, 60)],), (0, 1)),
-        (([(0, 60)],), ([], DAY), (1, 0)),
-    ],
-)
-def test_frames_are_mapped_again_from_where_the_maps_meet(
-    first: tuple[Any, ...], second: tuple[Any, ...], expected: tuple[int, int]
-) -> None:
-    assert kept_drives((side_of(*first), side_of(*second))) == expected
-
-
-def test_drives_that_go_on_with_a_part_of_the_log_are_mapped_together() -> None:
-    side = side_of([(0, 60)])
-    drives = [Drive("one", 0, 0, [0]), Drive("two", 60, 60, [1])]
-    both = dataclasses.replace(side, state=dataclasses.replace(side.state, drives=drives))
-    (logged,) = both.logged
-    assert (logged.drives, logged.is_whole) == (tuple(drives), True)
-    assert not dataclasses.replace(logged, parts=()).is_whole
-
-
-def test_what_two_robots_see_at_the_same_time_is_kept() -> None:
-    monday, shots = 19_000 * DAY, frames(*ALL)
-    left = mapped([shot for shot in shots if shot.map_T_camera[1, 2] > 0.5], later=monday)
-    right = mapped([shot for shot in shots if shot.map_T_camera[1, 2] < -0.5], later=monday)
-    alone = objects_of(left), objects_of(right)
-    assert alone[0].keys() != alone[1].keys()
-    assert (
-        state_of(left, profile("default"))
-        .drives[0]
-        .overlaps(state_of(right, profile("default")).drives[0])
-    )
-    found = [
-        objects_of(merge_maps(one, other, HERE).hypermap)
-        for one, other in ((left, right), (right, left))
-    ]
-    assert found[0].keys() == found[1].keys() == alone[0].keys() | alone[1].keys()
-    for name, item in found[0].items():
-        assert item.footprint.equals_exact(found[1][name].footprint, 1e-9)
-
-
-def test_a_trajectory_of_one_robot_does_not_move_what_another_has_seen_at_the_same_time() -> None:
-    monday, shots = 19_000 * DAY, frames(*ALL)
-    maps = [mapped(shots[begin::2], later=monday) for begin in (0, 1)]
-    merged = merge_maps(*maps, HERE)
-    assert merged.both == 3
-    mapper = Mapper.onto(merged.hypermap, SOURCE)
-    stamps = np.array([shot.stamp + monday for shot in shots[::2]])
-    poses = np.array([shot.map_T_camera for shot in shots[::2]])
-    with pytest.raises(CannotCorrect, match="stamps do not tell which the poses are of"):
-        mapper.correct(trajectory_of(stamps, poses))
-
-
-def test_a_map_of_two_robots_at_the_same_time_is_merged_like_that_of_one_drive(
-    tmp_path: Path,
-) -> None:
-    monday, shots = 19_000 * DAY, frames(*MOVED)
-    earlier = mapped(frames(*ALL), later=monday)
-    robots = [mapped(shots[begin::2], later=monday + DAY) for begin in (0, 1)]
-    both = changed(merge_maps(*robots, HERE).hypermap, tmp_path / "both.hmap")
-    for first, second in ((earlier, both), (both, earlier)):
-        merged = merge_maps(first, second, HERE)
-        assert (merged.both, merged.first, merged.second, merged.gone) == (3, 0, 0, 0)
-        found = objects_of(merged.hypermap)
-        assert found["chair"].id == objects_of(first)["chair"].id
-        assert centroid(found["chair"]) == pytest.approx((2.3, 0.9), abs=0.15)
-    mapper = Mapper.onto(changed(both, tmp_path / "again.hmap"), SOURCE)
-    assert len(mapper.logged_poses()[0]) == 0
 
 
 def test_poses_of_a_merged_map_can_be_corrected(tmp_path: Path) -> None:
@@ -568,120 +337,6 @@ def test_the_best_pictures_of_both_days_are_kept() -> None:
         assert other
         turned = (dataclasses.replace(e, azimuth=e.azimuth + OTHER_FRAME.yaw) for e in other)
         assert merged.semantic().pictures(item.id) == best_pictures([*one, *turned])
-
-
-def test_edits_of_both_maps_stay_and_the_first_one_wins(tmp_path: Path) -> None:
-    first = changed(first_day(), tmp_path / "first.hmap")
-    layer = first.semantic()
-    plant = objects_of(first)["plant"]
-    layer.rename(plant.id, "ficus")
-    chair = objects_of(first)["chair"]
-    layer.remove(chair.id)
-    second = changed(second_day(*ALL), tmp_path / "second.hmap")
-    layer = second.semantic()
-    layer.rename(objects_of(second)["plant"].id, "fern")
-    layer.rename(objects_of(second)["table"].id, "desk")
-    layer.rename(objects_of(second)["chair"].id, "stool")
-    sketch = shapely.box(0.2, 0.2, 0.5, 0.5)
-    layer.add([SemanticObject("charger", OTHER_FRAME.inverse().apply_geometry(sketch))])
-    merged = merge_maps(
-        changed(first, tmp_path / "a.hmap"), changed(second, tmp_path / "b.hmap"), OTHER_FRAME
-    )
-    found = objects_of(merged.hypermap)
-    assert found.keys() == {"ficus", "desk", "charger"}
-    assert merged.conflicts == (plant.id,)
-    assert merged.deleted == {chair.id: "stool"}
-    assert (merged.gone, merged.left_out) == (0, 0)
-    assert found["charger"].footprint.equals_exact(sketch, 1e-6)
-    on = changed(merged.hypermap, tmp_path / "merged.hmap")
-    shots = frames(*ALL)
-    assert objects_of(mapped(shots, later=2 * DAY, onto=on)).keys() == found.keys()
-
-
-def test_edits_of_a_later_map_stay_when_it_is_the_first_one(tmp_path: Path) -> None:
-    later = changed(second_day(*MOVED), tmp_path / "later.hmap")
-    layer, ids = later.semantic(), {n: item.id for n, item in objects_of(later).items()}
-    layer.remove(ids["chair"])
-    layer.rename(ids["plant"], "ficus")
-    sketch = shapely.box(0.2, 0.2, 0.5, 0.5)
-    layer.add([SemanticObject("charger", sketch)])
-    merged = merge_maps(changed(later, tmp_path / "a.hmap"), first_day(), OTHER_FRAME.inverse())
-    found = objects_of(merged.hypermap)
-    assert found.keys() == {"table", "ficus", "charger"}
-    assert found["ficus"].id == ids["plant"]
-    assert found["charger"].footprint.equals(sketch)
-    assert merged.conflicts == ()
-
-
-def test_what_people_have_drawn_and_deleted_later_stays_deleted(tmp_path: Path) -> None:
-    week = changed(first_day(), tmp_path / "monday.hmap")
-    week.semantic().add([SemanticObject("charger", shapely.box(0.2, 0.2, 0.5, 0.5))])
-    week = changed(week, tmp_path / "drawn.hmap")
-    week = changed(mapped(frames(*ALL), later=2 * DAY, onto=week), tmp_path / "week.hmap")
-    week.semantic().remove(objects_of(week)["charger"].id)
-    week = changed(week, tmp_path / "deleted.hmap")
-    between = mapped(frames(*ALL), later=DAY)
-    for first, second in ((week, between), (between, week)):
-        merged = merge_maps(first, second, HERE)
-        assert objects_of(merged.hypermap).keys() == set(ALL)
-
-
-def test_ids_and_edits_stay_where_later_frames_replace_all_evidence(tmp_path: Path) -> None:
-    monday, shots, few = 19_000 * DAY, frames(*ALL), {"max_evidence": 4}
-    first = mapped(shots, later=monday, evidence=few)
-    second = mapped(shots[12:], later=monday + 5.2, evidence=few)  # while the first one drives
-    ids = [{name: item.id for name, item in objects_of(m).items()} for m in (first, second)]
-    assert ids[0] != ids[1]
-    first = changed(first, tmp_path / "first.hmap")
-    first.semantic().remove(ids[0]["chair"])
-    first.semantic().rename(ids[0]["plant"], "ficus")
-    first = changed(first, tmp_path / "edited.hmap")
-    for own, maps in zip(ids, ((first, second), (second, first)), strict=True):
-        merged = merge_maps(*maps, HERE)
-        found = {name: item.id for name, item in objects_of(merged.hypermap).items()}
-        assert found == {"table": own["table"], "ficus": own["plant"]}
-        assert (merged.both, merged.first, merged.second) == (2, 0, 0)
-
-
-@pytest.mark.parametrize("is_first_later", [False, True])
-def test_a_deletion_in_one_map_and_another_edit_in_the_other_are_told(
-    tmp_path: Path, is_first_later: bool
-) -> None:
-    def edited(hypermap: Hypermap, name: str | None) -> Hypermap:
-        other = changed(hypermap, tmp_path / "other.hmap")
-        chair = objects_of(other)["chair"]
-        if name is None:
-            other.semantic().remove(chair.id)
-        else:
-            other.semantic().rename(chair.id, name)
-        return changed(other, tmp_path / "edited.hmap")
-
-    maps, first_T_second = [first_day(), second_day(*ALL)], OTHER_FRAME
-    if is_first_later:
-        maps, first_T_second = maps[::-1], OTHER_FRAME.inverse()
-    chair = objects_of(maps[0])["chair"].id
-
-    merged = merge_maps(edited(maps[0], None), edited(maps[1], "stool"), first_T_second)
-    assert objects_of(merged.hypermap).keys() == {"table", "plant"}
-    assert (merged.deleted, merged.conflicts) == ({chair: "stool"}, ())
-
-    merged = merge_maps(edited(maps[0], "stool"), edited(maps[1], None), first_T_second)
-    assert objects_of(merged.hypermap).keys() == {"table", "plant", "stool"}
-    assert objects_of(merged.hypermap)["stool"].id == chair
-    assert (merged.deleted, merged.conflicts) == ({}, (chair,))
-
-    merged = merge_maps(maps[0], edited(maps[1], None), first_T_second)
-    assert objects_of(merged.hypermap).keys() == {"table", "plant"}
-    assert (merged.deleted, merged.gone) == ({chair: "chair"}, 0)
-
-
-def test_what_people_have_deleted_from_the_second_map_is_no_object(tmp_path: Path) -> None:
-    other = changed(second_day(*ALL), tmp_path / "other.hmap")
-    other.semantic().remove(objects_of(other)["plant"].id)
-    merged = merge_maps(first_day(), other, OTHER_FRAME)
-    assert objects_of(merged.hypermap).keys() == {"table", "chair"}
-    assert merged.deleted == {objects_of(first_day())["plant"].id: "plant"}
-    assert (merged.both, merged.gone, merged.conflicts) == (2, 0, ())
 
 
 def test_other_layers_of_both_maps_are_kept_where_they_lie() -> None:
