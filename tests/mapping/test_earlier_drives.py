@@ -227,3 +227,32 @@ def test_a_drive_that_goes_on_after_a_break_gives_the_same_map() -> None:
     )
     assert [number for number, *_ in one] == [0, 1]
     assert one == other
+
+
+@pytest.mark.parametrize(
+    ("other", "count"),
+    [
+        (shapely.box(0, 0.17, 1.2, 0.27), 1),  # poses were off
+        (shapely.box(1.3, 0.17, 2.5, 0.27), 2),  # the next one in a row
+        (shapely.box(0, 0.35, 1.2, 0.45), 2),  # too far away
+        (shapely.box(0, 0.12, 1.2, 0.52), 2),  # too thick
+    ],
+)
+def test_a_screen_that_poses_put_to_two_places_is_one(other: shapely.Polygon, count: int) -> None:
+    screen, evidence = shapely.box(0, 0, 1.2, 0.1), EvidenceMap(DEFAULT)
+    for second in range(8):
+        evidence.update(seen(screen, stamp=second))
+    for second in range(8):
+        evidence.update(seen(screen, area=screen, stamp=DAY + second))
+    for second in range(8, 16):
+        evidence.update(seen(other, area=other, stamp=DAY + second))
+    assert len(evidence.objects()) == count
+
+
+def test_two_screens_back_to_back_that_frames_show_together_are_two() -> None:
+    screens = shapely.box(0, 0, 1.2, 0.05), shapely.box(0, 0.16, 1.2, 0.21)
+    evidence = EvidenceMap(DEFAULT)
+    for day, shown in ((0, screens[:1]), (1, screens)):
+        for second in range(8):
+            evidence.update(seen(*shown, stamp=day * DAY + second))
+    assert len(evidence.objects()) == 2

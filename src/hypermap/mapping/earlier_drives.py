@@ -21,12 +21,13 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import as_objects
 from hypermap.history.likeness import MAY_BE, SAME_SHAPE, fills_its_place
 from hypermap.mapping.association import ASSOCIATIONS
-from hypermap.mapping.compared_tracks import likeness_of
+from hypermap.mapping.compared_tracks import likeness_of, sides
 from hypermap.mapping.evidence_buffer import CONFIRMED, Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.moved import GONE
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.reunion import Reunion, SeenBefore, parted
+from hypermap.mapping.seen_sizes import hull_of_both
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import TrackShapes
 from hypermap.mapping.tracks import Track, TrackTable, are_two
@@ -135,6 +136,7 @@ class EarlierDrives:
         shape, class_ = shapes.polygons[row], int(shapes.classes[row])
         matches = self._associate(shape, class_, shapes, self._config)
         near = [one for _, one in beside(shape, class_, shapes)]
+        near += _along(shape, class_, shapes)
         near = [one for one in near if objects[one].id < table.first_id]
         for known in [*matches, *near]:
             is_free = objects[known].by_hand is None and table.existence[known] > GONE
@@ -207,6 +209,22 @@ def beside(shape: PreparedPolygon, class_: int, tracks: TrackShapes) -> list[tup
         for row in rows
     ]
     return [(distance, row) for distance, row in distances if distance < _BESIDE]
+
+
+def _along(shape: PreparedPolygon, class_: int, tracks: TrackShapes) -> list[int]:
+    """Return the rows of tracks of a class in front of or behind a thin shape, not in a row."""
+    if sides(shape)[0] >= _BESIDE:
+        return []
+    xmin, ymin, xmax, ymax = shape.box
+    box = xmin - _BESIDE, ymin - _BESIDE, xmax + _BESIDE, ymax + _BESIDE
+    rows = []
+    for row in tracks.near(class_, box):
+        other = tracks.polygons[row]
+        longest = max(shape.diameter, other.diameter)
+        is_near = shapely.dwithin(other.geometry, shape.geometry, _BESIDE)
+        if is_near and hull_of_both(shape, other).diameter < longest + _BESIDE:
+            rows.append(row)
+    return rows
 
 
 def _move(table: TrackTable, known: int, fresh: int, confidence: float) -> None:
