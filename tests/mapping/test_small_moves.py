@@ -95,25 +95,16 @@ def test_an_object_that_is_hardly_in_its_place_was_moved_even_if_its_shape_seems
     assert ("moved" in chair.attributes) == has_moved
 
 
-def test_the_first_view_at_a_new_place_nearby_does_not_keep_an_object_at_its_old_one() -> None:
-    """That view lies between both places, and so is taken for the object at the old one."""
+@pytest.mark.parametrize(("number", "x"), [(0, -2.5), (1, -2.65)])
+def test_a_view_that_is_taken_for_the_object_at_its_old_place_does_not_keep_it_there(
+    number: int, x: float
+) -> None:
+    """The first or second view at the new place nearby lies between both places."""
     evidence = EvidenceMap(DEFAULT)
     for second in range(6):
         evidence.update(seen(square(-3), stamp=second))
     for second in range(8):
-        evidence.update(seen(square(-2.5 if second == 0 else -2.15), stamp=DAY + second))
-    chair = only(evidence)
-    assert chair.id == 0
-    assert chair.attributes["moved"]["since"] == DAY
-    assert chair.footprint.centroid.x == pytest.approx(-2.15, abs=0.02)
-
-
-def test_nor_does_a_later_view_that_is_taken_for_the_object_at_its_old_place() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for second in range(6):
-        evidence.update(seen(square(-3), stamp=second))
-    for second in range(8):
-        evidence.update(seen(square(-2.65 if second == 1 else -2.15), stamp=DAY + second))
+        evidence.update(seen(square(x if second == number else -2.15), stamp=DAY + second))
     chair = only(evidence)
     assert chair.id == 0
     assert chair.attributes["moved"]["since"] == DAY

@@ -88,7 +88,7 @@ class Ros1Reader(rosbag1.Reader):
         assert self.bio is not None
         try:
             return super().read_chunk()
-        except Exception:
+        except Exception:  # of many kinds
             if not self.chunk_infos:
                 raise
             return Chunk(0, self.bio.seek(0, os.SEEK_END), bytes)
@@ -97,7 +97,7 @@ class Ros1Reader(rosbag1.Reader):
         """Add the entries of an index; of a bag with an index of chunks, note what is damaged."""
         try:
             super().read_index_data(pos, indexes)
-        except Exception:
+        except Exception:  # of many kinds
             if not self.chunk_infos:
                 raise
             self._damaged.add(pos)
