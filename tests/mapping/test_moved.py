@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
+from typing import Any
 
 import pytest
 import shapely
@@ -98,8 +99,8 @@ def test_an_object_that_was_moved_keeps_its_id_and_says_how_surely(top: float) -
         "renamed",
     ],
 )
-def test_otherwise_it_is_another_object(what: dict[str, object]) -> None:
-    found = {item.id: item for item in after_a_move(**what).objects()}  # type: ignore[arg-type]
+def test_otherwise_it_is_another_object(what: dict[str, Any]) -> None:
+    found = {item.id: item for item in after_a_move(**what).objects()}
     (new,) = (item for number, item in found.items() if number != 0)
     assert "moved" not in new.attributes
     assert new.first_seen == 10

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import pytest
 import shapely
@@ -103,8 +104,8 @@ def test_since_when_an_object_is_at_its_place_is_saved_and_unknown_in_earlier_fi
         "reshaped",
     ],
 )
-def test_otherwise_it_is_another_object(what: dict[str, object]) -> None:
-    found = {item.id: item for item in after_a_move(**what).objects()}  # type: ignore[arg-type]
+def test_otherwise_it_is_another_object(what: dict[str, Any]) -> None:
+    found = {item.id: item for item in after_a_move(**what).objects()}
     (new,) = (item for number, item in found.items() if number != 0)
     assert "moved" not in new.attributes
     assert new.first_seen == DAY

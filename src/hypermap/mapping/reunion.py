@@ -35,7 +35,7 @@ _NEVER = 1e6  # of what is impossible
 # A known object that no track of the drive is
 _LEFT = 4.0
 _UNSEEN = 1.0  # it may still be there
-_KEPT = 0.8  # share of the existence that its observations gave; with more, it was hardly missed
+_KEPT = 0.8  # share of the existence that as many sure detections give; with more, hardly missed
 
 # A track that is none of the known objects
 _CAME = 4.0
@@ -347,8 +347,8 @@ class Reunion:
 
     def _missed(self, row: int) -> float:
         """Return how far a known object has been missed, 0..1."""
-        given = max(self._tracks.objects[row].buffer.count, 1) * self._config.gain
-        sure = _KEPT * min(given, self._config.max_existence)
+        given = self._tracks.objects[row].buffer.count * self._config.gain  # none to what was drawn
+        sure = max(_KEPT * min(given, self._config.max_existence), _TINY)
         return 1 - float(np.clip(self._tracks.existence[row] / sure, 0, 1))
 
     def _was_without(self, row: int) -> bool:
